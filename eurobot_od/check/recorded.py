@@ -26,7 +26,7 @@ from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, Addr
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.support.texts import amount, one_line, text
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer
 
@@ -180,7 +180,7 @@ def suite_of(
     """
     known = {each.name: each for each in decoder.dictionaries}
     found = RecordedNode(look_up("node", node, known), decoder)
-    following = Following(decoder)
+    following = TrackingDecoder(decoder)
     first: float | None = None
     for time, channel, raw in entries:
         first = time if first is None else first

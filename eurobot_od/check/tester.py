@@ -25,7 +25,7 @@ from eurobot_od.od.standard import ERROR_REGISTER
 from eurobot_od.od.values import Address
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LENGTH, AbortCode, ClientCommand, Initiate, aborted
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 UNCONFIRMED = 0.02
@@ -112,7 +112,7 @@ class BenchTester:
 
     def last_frames(self, number: int) -> Iterator[tuple[SeenFrame, str]]:
         """Yield the last frames of the trace with their meanings; earlier frames are decoded first, as in a log."""
-        following = Following(self.decoder)
+        following = TrackingDecoder(self.decoder)
         frames = self.trace.frames[-MOST_BEFORE:]
         for place, seen in enumerate(frames, number - len(frames)):
             meaning = following(seen.time, "", seen.frame)

@@ -250,14 +250,14 @@ def compare(
     """
     from eurobot_od.traffic.compare import ComparedEntry, Tolerances
     from eurobot_od.traffic.compare import compare as differences_of
-    from eurobot_od.traffic.decoding import Following
+    from eurobot_od.traffic.decoding import TrackingDecoder
 
     decoder = decoder_for([first, second], reading, devices, names)
     fields = tolerances(tolerance, decoder.protocol)
     wanted = filters.wanted(decoder)
 
     def seen(log: str) -> Iterator[ComparedEntry]:
-        following = Following(decoder)
+        following = TrackingDecoder(decoder)
         for _, (_, at, channel, raw) in entries([log], reading):
             decode = following.at(at, channel, raw)
             if wanted is None or wanted(decode(raw)):

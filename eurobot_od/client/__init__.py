@@ -1,4 +1,4 @@
-"""The master's side: a network and its nodes by name, for programs that block and for event loops.
+"""The master's side: networks and their nodes by name, for blocking programs and event loops.
 
 `network` is what programs use. Below it, `remote_device` and `streams` are one node; `configure`, `lss` and
 `program` are what is done with it, as procedures on a master (see `master`).

@@ -1,4 +1,4 @@
-"""Starts a network as an NMT master does (CiA 302-2): slaves are reset, checked, configured, heard, then started.
+"""Boots a network as an NMT master does (CiA 302-2): reset, check, configure, await heartbeats, start.
 
 Theory of operation. A slave boots in the standard's order: reset communication and its boot-up message; device type
 (0x1000) and identity (0x1018) as in its file; its configuration, which is loaded unless 0x1020 says that it is the
@@ -28,7 +28,7 @@ from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support.texts import amount
 
 MARGIN = 0.2
-"""Seconds that a heartbeat may be late on a busy machine."""
+"""Tolerance for late heartbeats on a busy machine, in s."""
 
 
 class BootError(Enum):
@@ -45,11 +45,11 @@ class BootError(Enum):
 
 
 IDENTITY_ERRORS = (BootError.VENDOR, BootError.PRODUCT, BootError.REVISION, BootError.SERIAL)
-"""The errors of the identity object, in the order of the sub-indices of 0x1018 from 1 on."""
+"""Errors for the sub-indices 1 to 4 of the identity object 0x1018."""
 
 
 class BootFailed(RemoteError):
-    """A slave did not boot; the text says why."""
+    """A slave did not boot, for the reason in the text."""
 
     def __init__(self, error: BootError, what: str) -> None:
         super().__init__(what)
@@ -60,7 +60,7 @@ class BootFailed(RemoteError):
 
 
 class BootedSlave(NamedTuple):
-    """A slave that was booted: what was done, in words, and why it `failed`, None if it is as it should be.
+    """Result of booting a slave: the steps that were `done`, as text, and the error if it `failed`.
 
     `heartbeat` is its period in ms, 0 for none.
     """
@@ -74,15 +74,17 @@ class BootedSlave(NamedTuple):
 
 @Procedure
 async def prepare_slave(node: RemoteNode, dictionary: Dictionary, now: datetime) -> BootedSlave:
-    """Reset, check and configure one slave; its heartbeat is to come (see `hear_slave`). Raises BusError.
+    """Reset, check and configure one slave; `hear_slave` then waits for its heartbeat. Raises BusError.
 
     `now` is written to verify its configuration.
     """
-    done, failed, heartbeat = list[str](), None, 0
+    done = list[str]()
+    failed = None
+    heartbeat = 0
     node.master.follow(dictionary)
     try:
         try:
-            # Only the communication (CiA 302-2): the application, which may hold a load, goes on.
+            # Only communication is reset (CiA 302-2), as the application may hold a load.
             await node.reset.steps(NmtCommand.RESET_COMMUNICATION)
         except NoAnswer as error:
             raise BootFailed(BootError.NO_ANSWER, str(error)) from error
@@ -90,7 +92,7 @@ async def prepare_slave(node: RemoteNode, dictionary: Dictionary, now: datetime)
         done.append(await _identified(node, dictionary))
         done.append(await _configured(node, dictionary, now))
         heartbeat = await _number(node, standard.HEARTBEAT_TIME, BootError.NO_HEARTBEAT) or 0
-        # Heartbeats count from now on, including those that come while other slaves are prepared.
+        # Heartbeats that come while other slaves are prepared count too.
         node.master.states.pop(node.node_id, None)
     except BootFailed as error:
         failed = error
@@ -112,10 +114,10 @@ async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
 
 
 async def _identified(node: RemoteNode, dictionary: Dictionary) -> str:
-    """Compare device type and identity with the file's, as far as the file gives them."""
+    """Compare device type and identity with those of the file."""
     wanted = dictionary.number(standard.DEVICE_TYPE)
     found = await _number(node, standard.DEVICE_TYPE, BootError.NO_ANSWER)
-    # 0 or no number in the file means that any device type will do (CiA 302-2, 0x1F84).
+    # Without a device type in the file, or with 0, any type is accepted (CiA 302-2, 0x1F84).
     if wanted and found != wanted:
         raise BootFailed(BootError.DEVICE_TYPE, f"device type 0x{found or 0:08X}, its file has 0x{wanted:08X}")
     for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, Identity.of(dictionary)), start=1):
@@ -127,7 +129,7 @@ async def _identified(node: RemoteNode, dictionary: Dictionary) -> str:
 
 
 async def _configured(node: RemoteNode, dictionary: Dictionary, now: datetime) -> str:
-    """Load the configuration of a DCF, unless the slave says that it already has it."""
+    """Write the configuration of a DCF unless the slave already has it."""
     if dictionary.device.commissioned_node_id is None:
         return "an EDS: its own configuration"
     if not any(map(dictionary.has_own_value, dictionary.addresses())):
@@ -148,7 +150,7 @@ async def _configured(node: RemoteNode, dictionary: Dictionary, now: datetime) -
 
 
 async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) -> int | None:
-    """Read a number; None if the slave does not have the object."""
+    """Read a number; return None if the slave does not have the object."""
     try:
         return int.from_bytes(await node.upload.steps(address), "little")
     except NodeRefused:
@@ -159,15 +161,15 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 
 @Procedure
 async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> BootedSlave | None:
-    """Start a slave; return it if it will report its state, in its next heartbeat or in answer to node guarding.
+    """Start a slave; return it if it will report its state by heartbeat or node guarding.
 
     Raises BusError.
     """
     node.command(NmtCommand.START)
     if slave.heartbeat:
         return slave
-    # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request starts
-    # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody asks again.
+    # A node without a heartbeat sends its state only on request (CiA 301, 7.2.8.3.2.1). A request also starts life
+    # guarding: without further requests, a device with a life time would return to PRE-OPERATIONAL.
     has_life_time = dictionary.number(standard.GUARD_TIME) and dictionary.number(standard.LIFE_TIME_FACTOR)
     if standard.GUARD_TIME[0] in dictionary.members and not has_life_time:
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
@@ -177,7 +179,7 @@ async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
 
 @Procedure
 async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None:
-    """Wait until a slave that was started reports OPERATIONAL; return its last state, None if it reported none.
+    """Wait until a started slave reports OPERATIONAL; return its last state, or None if it reported none.
 
     Raises BusError.
     """

@@ -1,4 +1,4 @@
-"""Configures a node from a DCF: what differs is written in the order of CiA 301, read back, stored and verified.
+"""Configures a node from a DCF: writes the differences in the order of CiA 301, reads back, stores, verifies.
 
 And the way back: all objects of a node are read, to list them, to compare them, or to make a DCF of the node as it is.
 After an object that a node refuses, the next one is read; no answer ends the reading.
@@ -48,11 +48,11 @@ if TYPE_CHECKING:
 
 
 Bytes: TypeAlias = Mapping[Address, bytes]
-"""The bytes of objects, by address."""
+"""Contents of objects by address."""
 
 
 def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
-    """Yield the objects that the procedure needs: each PDO's COB-ID, and the number of its mapping entries."""
+    """Yield the objects that writing a PDO's parameters needs: its COB-ID and number of mapping entries."""
     for address in addresses:
         pdo = pdo_of(address[0])
         if pdo is not None:
@@ -62,7 +62,7 @@ def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
 
 
 def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
-    """Return the writes that give objects their `wanted` bytes, without those that are `present` already.
+    """Return the writes that change objects from their `present` bytes to the `wanted` ones, in order.
 
     Other objects come first. Then all PDOs that change become invalid, each mapping is emptied and gets its entries and
     their number, the rest of the communication records follows, and the PDOs become what is wanted (CiA 301, 7.5.2.36
@@ -76,7 +76,8 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
     mapped = (write for pdo in pdos for write in _mapping(pdo + MAPPING_OFFSET, wanted, final))
     communication = (Write(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
     valid = (Write((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
-    needed, state = [], dict(present)
+    needed = []
+    state = dict(present)
     for write in (*others, *invalid, *mapped, *communication, *valid):
         if state.get(write.address) != write.data:
             needed.append(write)
@@ -85,7 +86,7 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
 
 
 def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
-    """Yield the writes of one mapping record; entries beyond the number of entries are left alone."""
+    """Yield the writes of one mapping record, without entries beyond the number of entries."""
     entries = sorted(address for address in wanted if address[0] == index)
     if not entries:
         return
@@ -99,7 +100,7 @@ def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
 
 
 def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
-    """Return the mapping entries for some objects; raises LocalError for objects that cannot be mapped into the PDO."""
+    """Return the mapping entries of objects; raises LocalError for objects that the PDO cannot carry."""
     for thing in things:
         where = values.label(address_of(thing), thing.qualname)
         if not thing.pdo_mappable or not data_type(thing).bits:
@@ -134,7 +135,7 @@ async def map_objects(
         wanted[pdo.mapping_index, 0] = bytes([len(entries)])
         wanted |= {(pdo.mapping_index, sub): entry.to_bytes(4, "little") for sub, entry in enumerate(entries, start=1)}
     if cob_id not in wanted:
-        # As the node has it now, valid or not: it gets this back at the end.
+        # The node's present COB-ID, valid or not, is restored at the end.
         wanted[cob_id] = await node.upload.steps(cob_id)
     await _write(node, dictionary, in_order(wanted, {}), [])
     for address, data in wanted.items():
@@ -149,11 +150,11 @@ COMMAND_TO: dict[NmtState | None, NmtCommand] = {
     NmtState.OPERATIONAL: NmtCommand.START,
     NmtState.PRE_OPERATIONAL: NmtCommand.ENTER_PRE_OPERATIONAL,
 }
-"""The NMT command that takes a node back to its former state."""
+"""NMT command that restores a state."""
 
 
 class ChangedObject(NamedTuple):
-    """An object that differs: its bytes `before` in the node (None: they cannot be read) and `after` in the file."""
+    """An object that differs: its bytes `before` in the node (None if unreadable) and `after` from the file."""
 
     thing: ODVariable
     before: bytes | None
@@ -180,11 +181,11 @@ AREAS: Mapping[DictionaryArea, Container[int]] = {
     DictionaryArea.MANUFACTURER: values.MANUFACTURER,
     DictionaryArea.PROFILE: range(values.MANUFACTURER.stop, 0x10000),
 }
-"""The indices of their objects."""
+"""Indices of the objects in each area."""
 
 
 class ChangePlan(NamedTuple):
-    """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs.
+    """Changes that a DCF makes to a node; `present` holds the PDO parameters needed to make them.
 
     `wanted` is all that the node has to have in the end; `whole` tells whether it covers the whole DCF.
     """
@@ -197,8 +198,9 @@ class ChangePlan(NamedTuple):
 
     @property
     def heading(self) -> str:
-        """How many objects differ, in words."""
-        file, node_id = Path(self.dictionary.file).name, self.dictionary.node_id
+        """Line with the number of objects that differ."""
+        file = Path(self.dictionary.file).name
+        node_id = self.dictionary.node_id
         if not self.changes:
             return f"node {node_id} already is as {file} says"
         return f"node {node_id} differs from {file} in {amount(len(self.changes), 'object')}:"
@@ -208,7 +210,7 @@ class ChangePlan(NamedTuple):
         return in_order({address_of(each.thing): each.after for each in self.changes}, self.present)
 
     def way_back(self, done: Iterable[Write]) -> list[Write]:
-        """Return the writes that undo those of `done`, for objects whose former bytes are known."""
+        """Return the writes that undo the `done` ones, for objects whose former bytes are known."""
         state = {**self.present, **{write.address: write.data for write in done}}
         touched = {_unit(write.address) for write in done}
         former = {**{address_of(c.thing): c.before for c in self.changes if c.before is not None}, **self.present}
@@ -222,7 +224,7 @@ class ChangePlan(NamedTuple):
 
     def verification(self, now: datetime) -> list[Write]:
         """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.23)."""
-        # Part of a DCF must not be marked: a later start would take it for the whole.
+        # A partial configuration must not be marked: a later start would take it for a complete one.
         is_there = all(self.dictionary.variable(address) for address in VERIFY_CONFIGURATION)
         if not self.whole or not is_there or self.cannot_be_marked:
             return []
@@ -231,7 +233,7 @@ class ChangePlan(NamedTuple):
 
 
 class Configured(NamedTuple):
-    """The result of a configuration: how many objects were changed, and whether the node has stored them.
+    """Result of a configuration: the number of changed objects, and whether the node stored them.
 
     `verified` tells whether the node still had them after a reset.
     """
@@ -241,7 +243,7 @@ class Configured(NamedTuple):
     verified: bool = False
 
     def text(self, node_id: int, was_to_store: bool = True) -> str:
-        """Return it in words; `was_to_store` tells whether the node was asked to store it."""
+        """Return the result as text; `was_to_store` is whether the node was asked to store."""
         kept = "stored, verified after a reset" if self.verified else "stored"
         if not self.stored:
             kept = "not stored: the node has no 0x1010" if was_to_store else "not stored"
@@ -252,7 +254,7 @@ class Configured(NamedTuple):
 async def configure(
     node: RemoteNode, dictionary: Dictionary, now: datetime, chosen: ChosenCobIds | None = None
 ) -> Configured:
-    """Make a node what a DCF says; `now` is written to verify configuration 0x1020, `chosen` is as in `difference`.
+    """Configure a node from a DCF; `now` goes to verify configuration 0x1020, `chosen` is as in `difference`.
 
     Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all of
     it, with the state it is left in; RemoteError and BusError before anything is written.
@@ -265,7 +267,7 @@ async def configure(
 
 
 def settings(dictionary: Dictionary) -> list[tuple[ODVariable, bytes]]:
-    """Return the objects that a DCF configures, with their bytes: those that have a value and can be written.
+    """Return the writable objects for which a DCF has a value, with their bytes.
 
     Left out are process data and the entries of a mapping beyond its number of entries. Raises DictionaryError for a
     value that its object's type cannot have, and for a file beside the DCF that cannot be read; see `check_limits`.
@@ -273,25 +275,25 @@ def settings(dictionary: Dictionary) -> list[tuple[ODVariable, bytes]]:
     found = []
     for thing in objects.all_objects(dictionary.objects):
         index, subindex = address_of(thing)
-        # What a mapping holds beyond its number of entries is left over from another one.
+        # Entries beyond the number of entries are left over from another mapping.
         count = dictionary.default((index, 0)) if pdo_of(index) not in (None, index) else None
         if (index, subindex) in dictionary.parameters and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
-            # A DCF may leave a value to the device: what it does not say stays as it is.
+            # An object without a value in the DCF keeps the one in the device.
             if data is not None:
                 found.append((thing, data))
     return found
 
 
 def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
-    """Return the bytes that a DCF gives an object, None if it gives none. Raises DictionaryError."""
+    """Return the bytes that a DCF has for an object, None without a value. Raises DictionaryError."""
     if not data_type(thing).size:
         return dcf.content(dictionary, address_of(thing))
     return _encoded(dictionary, thing, unlimited(thing)) if objects.value_text(thing) else None
 
 
 def check_limits(dictionary: Dictionary, things: Iterable[ODVariable]) -> None:
-    """Raise DictionaryError for a value outside its object's limits; a default is what the device has, and is not."""
+    """Check that values other than defaults are within the limits of their objects; raises DictionaryError."""
     for thing in things:
         if data_type(thing).size and thing.value != thing.default:
             _encoded(dictionary, thing, thing)
@@ -307,22 +309,22 @@ def _encoded(dictionary: Dictionary, thing: ODVariable, rule: ODVariable) -> byt
 
 
 def all_writes(dictionary: Dictionary) -> list[Write]:
-    """Return the writes, in order, that configure a device about which nothing is known.
+    """Return the writes, in order, that configure a device whose present values are unknown.
 
     Raises as `settings` and `check_limits`.
     """
     found = settings(dictionary)
     check_limits(dictionary, (thing for thing, _ in found))
     wanted = {address_of(thing): data for thing, data in found}
-    # A mapping can be changed only while its PDO is not valid, so the COB-ID has to be known even where the DCF leaves
-    # it alone (CiA 301, 7.5.2.36).
+    # A mapping can be changed only while its PDO is invalid (CiA 301, 7.5.2.36), so the COB-ID is needed even if the
+    # DCF does not set it.
     for address in set(procedure_objects(wanted)) - set(wanted):
         wanted[address] = encode(unlimited(at(address, dictionary.objects)), dictionary.default(address))
     return in_order(wanted, {})
 
 
 def check_whole(dictionary: Dictionary, refused: OnRefused = fatal, by_default: OnRefused = unheard) -> None:
-    """Raise DictionaryError unless a DCF is complete.
+    """Check that a DCF is complete; raises DictionaryError.
 
     `refused` gets the PDOs whose mappings are wrong, `by_default` those that are wrong in the device's own EDS already.
     """
@@ -337,10 +339,9 @@ def check_whole(dictionary: Dictionary, refused: OnRefused = fatal, by_default: 
 def check_file(
     dictionary: Dictionary, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
 ) -> None:
-    """Raise DictionaryError unless a DCF is complete and for this node-ID; see `check_whole`."""
+    """Check that a DCF is complete and for this node-ID, as `check_whole` does; raises DictionaryError."""
     intended = dictionary.device.commissioned_node_id
-    # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
-    # depend on it.
+    # Without a node-ID in [DeviceComissioning] (CiA 306), COB-IDs that depend on it are unknown.
     if intended is None:
         what = f"incomplete: no NodeID in [{COMMISSIONING}]; a DCF has one, such as `dump -o` writes"
         raise errors.DictionaryError(dictionary.file, None, what)
@@ -368,7 +369,7 @@ async def difference(
     """
     dictionary = renumbered(dictionary, node.node_id, chosen)
     check_file(dictionary, node.node_id)
-    # Before anything is read or written: another device may have the same objects with other meanings.
+    # First of all, as another device may use the same objects for other purposes.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
         raise errors.DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
@@ -379,7 +380,7 @@ async def difference(
         progress(number, len(wanted))
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
-    check_limits(dictionary, (each.thing for each in changes))  # what the node has already needs no write
+    check_limits(dictionary, (each.thing for each in changes))  # unchanged objects are not written
     _check_own_node_id(node, dictionary, changes)
     needed = procedure_objects(address_of(each.thing) for each in changes)
     known = {address: present.get(address) or await node.upload.steps(address) for address in needed}
@@ -387,7 +388,7 @@ async def difference(
 
 
 def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
-    """Raise DictionaryError if a change would give the node a node-ID other than the file's.
+    """Check that no change sets a node-ID other than the file's; raises DictionaryError.
 
     A maker's object may have the same name and another meaning: it counts only if it has the node's own number.
     """
@@ -400,8 +401,8 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
 
 @Procedure
 async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
-    """Read an object, only as many bytes as its type has: some devices always send 4. Raises as `upload`."""
-    # A DOMAIN may be a program or a recording; a megabyte takes 150 000 requests by segments.
+    """Read an object, truncated to the size of its type, as some devices always send 4 bytes."""
+    # A DOMAIN may be large: a segmented transfer of 1 MB takes 150 000 requests.
     if data_type(thing) == values.DOMAIN and objects.is_described(thing):
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
@@ -411,18 +412,18 @@ async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
 
 @Procedure
 async def write_value(node: RemoteNode, thing: ODVariable, value: Value) -> str:
-    """Write a value, and return it as text; without an EDS the node is asked for the object's length first.
+    """Write a value and return its text; without an EDS, the object's length is read first.
 
     Raises FieldError for a value that its file does not allow, and as `RemoteNode.download`.
     """
-    # A device refuses another length than its own (0607 0010), and nothing else gives the type.
+    # A device refuses other lengths (0607 0010), and without an EDS only a read tells the length.
     size = 0 if objects.is_described(thing) else len(await node.upload.steps(address_of(thing)))
     await node.download.steps(address_of(thing), encode(thing, value, size), thing.qualname)
     return written(thing, value)
 
 
 async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) -> bytes | None:
-    """Read an object of a DCF; None if it can only be written, or has no value yet. Raises as `difference`."""
+    """Read an object of a DCF; return None if it is write-only or has no value yet. Raises as `difference`."""
     try:
         return await read_object.steps(node, thing)
     except errors.NodeRefused as error:
@@ -435,9 +436,9 @@ async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) 
 
 
 def _unit(address: Address) -> Address:
-    """Return the address of what changes together: a PDO's communication record, or the object itself."""
+    """Return the address of the unit that changes together: a PDO's communication record, or the object itself."""
     pdo = pdo_of(address[0])
-    # A mapping without its COB-ID, or the reverse, is a PDO that nobody has asked for.
+    # A mapping without its COB-ID, or the reverse, makes an unintended PDO.
     return address if pdo is None else (pdo, 0)
 
 
@@ -448,23 +449,22 @@ def _unit(address: Address) -> Address:
 async def apply(
     node: RemoteNode, plan: ChangePlan, now: datetime, *, stores: bool = True, resets: bool = True
 ) -> Configured:
-    """Carry out a plan: pre-operational, write, read back, verify configuration, store, reset, verify.
+    """Carry out a plan: enter pre-operational, write, read back, mark, store, reset, verify.
 
     Verify configuration is only for a whole DCF, and the reset only for a node that has stored. Raises
     ConfigurationError or BusError, which name the state of the node.
     """
-    former, mark = node.last_state, plan.verification(now)
+    former = node.last_state
+    mark = plan.verification(now)
     done: list[Write] = []
     try:
-        # A node at work would send PDOs half in the old form and half in the new, and some refuse to be remapped.
+        # An OPERATIONAL node would send partly remapped PDOs, and some nodes refuse remapping then.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
         await _write(node, plan.dictionary, plan.writes(), done)
         await read_back.steps(node, plan.dictionary, ((each.thing, each.after) for each in plan.changes))
-        # The mark comes after everything else, as the node clears it when its configuration changes; it is stored as
-        # well.
+        # The mark comes last, as any change of configuration clears it, but before storing.
         await _write(node, plan.dictionary, mark, [])
-        # 0x1010 is optional (CiA 301, 7.5.2.13): a device without it keeps its values until the next reset, which would
-        # lose them.
+        # 0x1010 is optional (CiA 301, 7.5.2.13); a device without it loses its values at the next reset.
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
             await store.steps(node)
@@ -482,9 +482,9 @@ async def apply(
 
 @Procedure
 async def read_back(node: RemoteNode, dictionary: Dictionary, wanted: Iterable[tuple[ODVariable, bytes]]) -> None:
-    """Raise ConfigurationError unless a node has the bytes that are wanted of each object."""
+    """Check that objects of a node have the wanted bytes; raises ConfigurationError."""
     for thing, after in wanted:
-        # What cannot be read cannot be checked; all there is, is the device's confirmation of the write.
+        # For a write-only object, the confirmation of the write is the only evidence.
         if not thing.readable:
             continue
         found = await _present(node, dictionary, thing)
@@ -496,29 +496,30 @@ async def read_back(node: RemoteNode, dictionary: Dictionary, wanted: Iterable[t
 
 @Procedure
 async def store(node: RemoteNode) -> None:
-    """Have a node store its parameters, so that they survive a reset; raises as `RemoteNode.download`."""
+    """Make a node store its parameters so that they survive a reset; raises as `RemoteNode.download`."""
     await node.download.steps((STORE, ALL_PARAMETERS), SIGNATURES[STORE], "Save all parameters", STORE_WAIT)
 
 
 @Procedure
 async def restore_and_reset(node: RemoteNode, restored: int | None = None) -> None:
-    """Have a node restore the defaults, and reset it; `restored` is its node-ID from then on, None for the same."""
+    """Make a node restore its defaults, and reset it; `restored` is its node-ID after that, None for the same."""
     await restore.steps(node)
     if restored in (None, *values.NODE_IDS):
         await node.reset.steps(booting_as=restored)
-    else:  # without a node-ID it sends nothing, not even a boot-up
+    else:  # a node without a node-ID sends no boot-up
         node.command(NmtCommand.RESET_NODE)
 
 
 @Procedure
 async def restore(node: RemoteNode) -> None:
-    """Have a node restore the defaults of its parameters, from its next reset on; raises as `store`."""
-    address, name = (RESTORE, ALL_PARAMETERS), "Restore all default parameters"
+    """Make a node restore its defaults at its next reset; raises as `store`."""
+    address = (RESTORE, ALL_PARAMETERS)
+    name = "Restore all default parameters"
     await node.download.steps(address, SIGNATURES[RESTORE], name, STORE_WAIT)
 
 
 async def _write(node: RemoteNode, dictionary: Dictionary, writes: Iterable[Write], done: list[Write]) -> None:
-    """Write, and note in `done` what the node has or may have, but not a write that it has refused."""
+    """Write, and add to `done` each write that the node may have accepted."""
     for write in writes:
         done.append(write)
         try:
@@ -529,7 +530,7 @@ async def _write(node: RemoteNode, dictionary: Dictionary, writes: Iterable[Writ
 
 
 async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
-    """Reset a node that has stored its parameters, and check that it still has them."""
+    """Reset a node that has stored its parameters, and check that they are still there."""
     try:
         await node.reset.steps()
         await read_back.steps(node, plan.dictionary, plan.wanted)
@@ -544,11 +545,11 @@ async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
 async def _take_back(
     error: BaseException, node: RemoteNode, plan: ChangePlan, done: list[Write], former: NmtState | None
 ) -> errors.EurobotError:
-    """Give a node back what it had; return the error that says why, and in which state the node is."""
+    """Restore the former values of a node; return the error with its cause and the state of the node."""
     names = [label(each.thing) for each in plan.changes]
     try:
         await _write(node, plan.dictionary, plan.way_back(done), [])
-        # Not back to STOPPED, where the node would not answer SDO: whoever looks for the cause has to ask it.
+        # A STOPPED node would not answer SDO, which is needed to find the cause.
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
     except errors.EurobotError:
@@ -576,7 +577,7 @@ def _failure(
 
 
 class ObjectReading(NamedTuple):
-    """The `value` of an object in a node, or the text of the `refusal`."""
+    """An object of a node with its `value`, or the text of the `refusal`."""
 
     thing: ODVariable
     value: Value = None
@@ -594,7 +595,7 @@ def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectR
 
 @Procedure
 async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
-    """Read objects as bytes; the value of one that is refused is its abort code. Raises as `read_all`.
+    """Read objects as bytes; a refused one has its abort code as its value. Raises as `read_all`.
 
     Once the node has said that an index does not exist, its other sub-indices are not asked for.
     """
@@ -610,7 +611,7 @@ async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Add
 
 
 def differences(node: RemoteNode, dictionary: Dictionary, progress: Progress = unwatched) -> list[EdsDifference]:
-    """Compare a node with what its file says: the defaults, or the values of a DCF; raises NoAnswer, BusError.
+    """Compare a node with the defaults of its EDS or the values of its DCF; raises NoAnswer, BusError.
 
     `progress` counts the objects that are read.
     """
@@ -632,7 +633,7 @@ def differences(node: RemoteNode, dictionary: Dictionary, progress: Progress = u
 
 @Procedure
 async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
-    """Read the numbers in the records of a node's PDOs; those that it refuses are left out.
+    """Read the PDO parameters of a node as numbers, without the refused ones.
 
     Raises NoAnswer, RemoteError, BusError.
     """
@@ -641,12 +642,12 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
 
 
 PDO_RECORDS = tuple(chain.from_iterable(values.COMMUNICATION_RECORDS.values()))
-"""The indices of all communication records."""
+"""Indices of all communication records."""
 
 
 @Procedure
 async def all_pdo_parameters(node: RemoteNode, records: Iterable[int] = PDO_RECORDS) -> dict[Address, Value]:
-    """Read the PDO records of a node without a file; they have the same places in all devices.
+    """Read the PDO parameters of a node without a file, at their standard indices.
 
     Raises as `pdo_parameters`.
     """
@@ -658,13 +659,13 @@ async def all_pdo_parameters(node: RemoteNode, records: Iterable[int] = PDO_RECO
         mapping = index + MAPPING_OFFSET
         found |= await read_bytes.steps(node, [(mapping, 0)])
         count = pdo_numbers(found).get((mapping, 0), 0)
-        if isinstance(count, int) and count <= values.MAX_BITS:  # of a multiplexed one it says how it is multiplexed
+        if isinstance(count, int) and count <= values.MAX_BITS:  # in a multiplexed PDO it has another meaning
             found |= await read_bytes.steps(node, ((mapping, sub) for sub in range(1, count + 1)))
     return pdo_numbers(found)
 
 
 def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:
-    """Return the numbers in the records of PDOs, of what `read_bytes` has found."""
+    """Return the PDO parameters among the results of `read_bytes`, as numbers."""
     records = ((address, data) for address, data in found.items() if pdo_of(address[0]) is not None)
     return {address: int.from_bytes(data, "little") for address, data in records if isinstance(data, bytes)}
 
@@ -677,7 +678,7 @@ def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
-    """Return the objects of a node's configuration: those that can be read and written and are not process data.
+    """Return the configuration objects of a node: readable and writable ones that are not process data.
 
     For the mapping that a node has now, `dictionary` is the file's, `configured` with the node's PDO parameters.
     """
@@ -686,13 +687,13 @@ def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
 
 
 def process_data(dictionary: Dictionary) -> list[ODVariable]:
-    """Return what can be read and written and is not configuration, as it is process data."""
+    """Return the readable and writable objects that are process data."""
     things = (each for each in objects.all_objects(dictionary.objects) if each.readable and each.writable)
     return [each for each in things if address_of(each) in dictionary.parameters.process_data]
 
 
 def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
-    """Yield objects with the values that their bytes mean."""
+    """Yield objects with decoded values."""
     for address, data in writes:
         thing = at(address, dictionary.objects if dictionary else None)
         yield ObjectReading(thing, decode(thing, data))
@@ -701,12 +702,13 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
 def dcf_of_node(
     node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, stem: str, things: Iterable[ODVariable] | None = None
 ) -> tuple[Dcf, list[ObjectReading]]:
-    """Return the DCF of a node as it is, and the objects that are left out, with the reasons.
+    """Return the DCF of a node as it is now, and the objects that were left out, with reasons.
 
     `things` are the objects to read, by default all `parameters`. Left out are those that the node refuses to give, or
     gives with fewer bytes than their type has.
     """
-    contents, left_out = dict[Address, bytes](), list[ObjectReading]()
+    contents = dict[Address, bytes]()
+    left_out = list[ObjectReading]()
     if things is None:
         things = parameters(dictionary.configured(pdo_parameters(node, dictionary)))
     for thing in things:

@@ -1,4 +1,4 @@
-"""What a node is: its identity 0x1018, and its EDS, wherever that is found. And which nodes there are on a bus.
+"""Finds the nodes of a bus, their identities (0x1018) and their EDS files.
 
 An EDS is taken only for a node with the same identity; a file that a person names is taken as it is. In a scan a node
 is there if it answers one of our SDO requests, or if its heartbeat is heard. Other frames prove nothing: a protocol's
@@ -23,15 +23,15 @@ from eurobot_od.sdo.wire import EXPEDITED_SIZE, LENGTH, ClientCommand, Initiate,
 from eurobot_od.support.progress import Progress, unwatched
 
 LONGEST_NAME = 1024
-"""Most bytes of a device's name: a node that never ends it must not hold whoever looks for nodes."""
+"""Maximum length of a device name in bytes, so that an endless upload does not block a scan."""
 
 PLAIN_TEXT = b"\0"
-"""Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.25)."""
+"""Store format (0x1022) of an uncompressed EDS (CiA 301, 7.5.2.25)."""
 
 
 @Procedure
 async def read_identity(node: RemoteNode) -> Identity:
-    """Ask a node what it is; only the vendor-ID is mandatory. Raises NoAnswer, RemoteError, BusError."""
+    """Read the identity of a node; only the vendor-ID is mandatory. Raises NoAnswer, RemoteError, BusError."""
     addresses = {(IDENTITY, subindex): name for subindex, name in enumerate(Identity._fields, start=1)}
     numbers = [await _optional(node, address, name) for address, name in addresses.items()]
     return Identity(*(int.from_bytes(each, "little") for each in numbers))
@@ -68,21 +68,21 @@ def addressed(
 
 @Procedure
 async def read_numbers(node: RemoteNode) -> dict[Address, int]:
-    """Ask a node for its identity and its device type: the numbers by address. Raises as `read_identity`."""
+    """Read the identity and device type of a node, as numbers by address. Raises as `read_identity`."""
     identity = await read_identity.steps(node)
     type_ = await _optional(node, DEVICE_TYPE, "Device type")
     return numbers_of(identity, int.from_bytes(type_, "little") if type_ else None)
 
 
 def numbers_of(identity: Identity, device_type: int | None) -> dict[Address, int]:
-    """Return what is known of a node by the addresses of the objects."""
+    """Return identity and device type as numbers by address."""
     numbers = {(IDENTITY, sub): number for sub, number in enumerate(identity, start=1)}
     return numbers if device_type is None else numbers | {DEVICE_TYPE: device_type}
 
 
 @Procedure
 async def uploaded(node: RemoteNode) -> Dictionary | None:
-    """Return the EDS that a node keeps of itself in 0x1021; None if it has none in plain text.
+    """Return the EDS that a node stores in 0x1021, None if it has none in plain text.
 
     Raises DictionaryError for one that cannot be read.
     """
@@ -103,7 +103,7 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Dictionary |
     """
     try:
         identity = await read_identity.steps(node)
-    except NoAnswer as error:  # to a question of ours, whose object the caller has never heard of
+    except NoAnswer as error:  # the caller did not ask for this object, so the error does not name it
         raise NoAnswer("the question which device it is", error.answer, 1, error.waited, node.node_id) from None
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
     return None if found is None else Dictionary.load(found.file, node.node_id)
@@ -111,13 +111,13 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Dictionary |
 
 @Procedure
 async def device_name(node: RemoteNode) -> str:
-    """Return the name in 0x1008, an empty one if the node has none."""
+    """Return the device name (0x1008), empty if the node has none."""
     name = await _optional(node, DEVICE_NAME, "Manufacturer device name", LONGEST_NAME)
     return name.decode(errors="replace").rstrip("\0")
 
 
 async def _optional(node: RemoteNode, address: Address, name: str, most: int = EXPEDITED_SIZE) -> bytes:
-    """Read an object that a node need not have; without it, return no bytes."""
+    """Read an optional object; return no bytes if the node does not have it."""
     try:
         return await node.upload.steps(address, name, most=most)
     except NodeRefused:
@@ -128,17 +128,17 @@ async def _optional(node: RemoteNode, address: Address, name: str, most: int = E
 
 
 PACE = 0.005
-"""Seconds between two requests, so that 127 of them do not fill a bus that others use."""
+"""Interval between two requests, in s, so that a scan does not fill the bus."""
 
 UPLOADED = (ServerCommand.UPLOAD, ServerCommand.ABORT)
-"""The ways in which an SDO server answers an upload."""
+"""Commands of an SDO server's answer to an upload."""
 
 LISTEN = 1.5
-"""Seconds of waiting for heartbeats; most nodes send one every second."""
+"""Time to wait for heartbeats, in s; most nodes send one every second."""
 
 
 class Found(NamedTuple):
-    """A node: its NMT `state` if a heartbeat was heard, its `identity` if it answers SDO, its `name` in 0x1008.
+    """A node on the bus: its NMT `state` from a heartbeat, its `identity` from SDO, its `name` (0x1008).
 
     `device_type` is its 0x1000, None if it did not say it.
     """
@@ -150,14 +150,14 @@ class Found(NamedTuple):
     device_type: int | None = None
 
     def as_data(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the node as plain data."""
         state = None if self.state is None else STATE_NAMES[self.state]
         identity = self.identity._asdict() if self.identity else None
         return {"node_id": self.node_id, "name": self.name, "state": state, "identity": identity}
 
     @property
     def numbers(self) -> dict[Address, int]:
-        """What it has shown of its identity and type, by the addresses of the objects."""
+        """Identity and device type as numbers by address."""
         return numbers_of(self.identity, self.device_type) if self.identity else {}
 
 
@@ -170,7 +170,7 @@ async def scan(
     progress: Progress = unwatched,
     tell: Callable[[Found], object] = lambda _: None,
 ) -> list[Found]:
-    """Return the nodes that are there, by node-ID; `tell` is called with each as it is found. Raises BusError.
+    """Return the nodes on the bus by node-ID, and call `tell` with each as it is found. Raises BusError.
 
     `progress` counts the node-IDs that were asked.
     """
@@ -178,13 +178,13 @@ async def scan(
     answered: dict[int, int | None] = {}
 
     def received(node_id: int, data: bytes) -> None:
-        # An abort of 0x1000 is an answer, too. A transfer would not do here: it ends with the first odd answer, and
-        # another master may be asking the node as well.
+        # An abort of 0x1000 is an answer too. An SDO transfer would end at the first unexpected answer, but another
+        # master may be asking the node as well.
         answer = Initiate.of(data) if len(data) == LENGTH else None
         if answer is not None and answer.address == DEVICE_TYPE and answer.command >> 5 in UPLOADED:
             answered[node_id] = None if answer.content is None else int.from_bytes(answer.content, "little")
 
-    # All are asked before the first has to answer: one after the other, silent node-IDs would take a minute.
+    # All are asked before waiting, as one by one the timeouts of silent node-IDs would take a minute.
     for number, node_id in enumerate(wanted, start=1):
         server = master.sdo_server(node_id)
         master.listeners[server.answers] = partial(received, node_id)
@@ -200,7 +200,7 @@ async def scan(
 
 
 async def _found(master: Master, node_id: int, device_type: int | None) -> Found:
-    """Ask a node that is there for its identity; one that is STOPPED does not answer."""
+    """Read the identity of a node that is there; a STOPPED node does not answer."""
     node = master.node(node_id)
     try:
         identity, name = await read_identity.steps(node), await device_name.steps(node)

@@ -36,21 +36,21 @@ from eurobot_od.od.values import DataType
 from eurobot_od.sdo.wire import AbortCode
 
 POLL = 0.01
-"""Seconds between two polls of a drive."""
+"""Interval between two polls of a drive, in s."""
 
 ENABLE_WAIT = 2.0
-"""Seconds that a drive has for one arrow of its state machine: some have to switch a brake or charge a capacitor."""
+"""Timeout of one state transition, in s; some drives switch a brake or charge a capacitor."""
 
 MOTION_WAIT = 60.0
-"""Seconds that a motion may take by default."""
+"""Default timeout of a motion, in s."""
 
 ENABLE = "enable"
 
 DRIVE_PROFILES = (cia402.PROFILE, 0xFFFF)
-"""Low words of 0x1000 of drives: also of a device with several profiles (CiA 301, 7.5.2.1)."""
+"""Low words of 0x1000 that a drive may have: CiA 402, or several profiles (CiA 301, 7.5.2.1)."""
 
 FAULTY = (State.FAULT, State.FAULT_REACTION)
-"""The states of a drive that has a fault."""
+"""States of a drive with a fault."""
 
 NEXT: Mapping[State, DriveCommand] = {
     State.DISABLED: DriveCommand.SHUTDOWN,
@@ -58,21 +58,20 @@ NEXT: Mapping[State, DriveCommand] = {
     State.SWITCHED_ON: DriveCommand.ENABLE,
     State.QUICK_STOP: DriveCommand.DISABLE_VOLTAGE,
 }
-"""The command that takes a drive one state nearer to Operation enabled; a drive leaves other states by itself, if at
-all."""
+"""Command for the next step to Operation enabled; a drive leaves other states without a command."""
 
 
 def commands_to(target: State) -> Mapping[State, DriveCommand]:
-    """Return the command in each state that takes a drive nearer to a state; raises LocalError if none leads to it."""
+    """Return the command in each state for the next step to `target`; raises LocalError if none leads there."""
     if target in (State.NOT_READY, *FAULTY):
         raise LocalError(f"no command brings a drive to {target.words}")
-    # Not the arrow back from a quick stop: a drive need not have it (see TRANSITIONS).
+    # The transition from quick stop back to enabled is optional (see TRANSITIONS).
     arrows = (each for each in reversed(cia402.TRANSITIONS) if each.after is target is not State.ENABLED)
     return {**NEXT, **{each.before: each.command for each in arrows if each.command}}
 
 
 class DriveStatus(NamedTuple):
-    """What a drive reports; `state` is None for a statusword that does not belong to any state."""
+    """Status of a drive; `state` is None if the statusword belongs to no state."""
 
     state: State | None
     statusword: int
@@ -92,7 +91,7 @@ class DriveAtNode:
         self._address = AxisAddress(node.node_id, axis)
         self._offset = self._address.offset
         self.kick: Callable[[], object] = lambda: None
-        """Called with each request and answer: whoever watches this program hears that it is alive."""
+        """Called with each request and answer, as a sign that the program is alive."""
         self._name = f"the drive of node {node.node_id}" if axis == 1 else f"axis {axis} of node {node.node_id}"
 
     # Objects
@@ -117,7 +116,7 @@ class DriveAtNode:
         if not type_.low <= value <= type_.high:
             raise LocalError(f"{value} does not fit 0x{index + self._offset:04X}: {type_.low}..{type_.high}")
         self.kick()
-        if index == cia402.CONTROLWORD:  # before it is sent: a stop has to know it even if the answer is lost
+        if index == cia402.CONTROLWORD:  # noted before it is sent, as its answer may be lost
             self._node.master.controlwords[self._address] = value
         await self._node.download.steps((index + self._offset, 0), type_.write(value))
 
@@ -137,7 +136,7 @@ class DriveAtNode:
     async def _poll(
         self, within: float, done: Callable[[int], bool], index: int = cia402.STATUSWORD
     ) -> tuple[int, bool]:
-        """Wait for a statusword, or another object, that is `done`; return the last one, and whether it is done."""
+        """Wait until the statusword (or another object) is `done`; return its last value and whether it is done."""
         clock = self._node.master.clock
         end = clock() + within
         while not done(word := await self._read(index)):
@@ -147,7 +146,7 @@ class DriveAtNode:
         return word, True
 
     async def _until(self, what: str, within: float, done: Callable[[int], bool]) -> int:
-        """Wait for a statusword that is `done`, and return it; raises DriveError for a fault or when time is up."""
+        """Wait for a statusword that is `done` and return it; raises DriveError on a fault or timeout."""
         word, ended = await self._poll(within, lambda word: done(word) or cia402.state_of(word) in FAULTY)
         state = cia402.state_of(word)
         if not ended:
@@ -159,9 +158,9 @@ class DriveAtNode:
         return word
 
     async def _hindrance(self, word: int) -> str:
-        """Say why a drive may not obey a controlword, as far as its objects tell."""
+        """Return why a drive may ignore its controlword, judging by its objects."""
         commanded = NEXT.get(cia402.state_of(word) or State.NOT_READY)
-        kept, mode = await self._told(cia402.CONTROLWORD), await self._told(cia402.MODE_DISPLAY)
+        kept, mode = await self._read_optional(cia402.CONTROLWORD), await self._read_optional(cia402.MODE_DISPLAY)
         profile = int.from_bytes((await self._node.upload.steps(DEVICE_TYPE))[:2], "little")
         reasons = {
             f"its 0x1000 says profile {profile}, not {cia402.PROFILE}": profile not in DRIVE_PROFILES,
@@ -173,8 +172,8 @@ class DriveAtNode:
         }
         return f": {next((reason for reason, is_so in reasons.items() if is_so), 'it ignores the controlword')}"
 
-    async def _told(self, index: int) -> int | None:
-        """Read an object that a drive need not have, or let read."""
+    async def _read_optional(self, index: int) -> int | None:
+        """Read an object that a drive need not have; return None without it."""
         with suppress(NodeRefused):
             return await self._read(index)
         return None
@@ -187,7 +186,7 @@ class DriveAtNode:
         await self._write(cia402.CONTROLWORD, command.bits | bits)
 
     async def _enable(self, within: float = ENABLE_WAIT) -> None:
-        """Bring it to Operation enabled, at rest; each state on the way may take `within` seconds.
+        """Enable the drive at rest; each state on the way may take `within` seconds.
 
         The targets are written to rest first: 0, and the actual position in a mode that follows its target. If the
         drive does not let them be written, it is enabled with halt, which stays set until a motion is commanded. One
@@ -196,19 +195,19 @@ class DriveAtNode:
         await self._bring_to(State.ENABLED, within)
 
     async def _bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
-        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError.
+        """Bring the drive to a state, each transition within `within` seconds; raises LocalError.
 
         Operation enabled begins at rest, as `enable` says.
         """
-        what, halt = ENABLE if state is State.ENABLED else state.words.lower(), 0
+        what = ENABLE if state is State.ENABLED else state.words.lower()
+        halt = 0
         present = await self._state()
         if state is State.ENABLED and present not in (state, State.FAULT):
             halt = 0 if await self._rest() else cia402.HALT
         while present is not state:
             if present is State.FAULT:
                 raise await self._fault(what)
-            # If there is nothing to command, the drive leaves this state by itself, or the wait below ends with an
-            # error.
+            # Without a command, the drive leaves this state by itself, or the wait below times out.
             command = commands_to(state).get(present) if present else None
             if command is not None:
                 await self._command(command, halt if command is DriveCommand.ENABLE else 0)
@@ -216,8 +215,8 @@ class DriveAtNode:
             present = await self._state()
 
     async def _rest(self) -> bool:
-        """Write the targets to rest; return whether the drive has taken all of them that it has."""
-        mode = await self._told(cia402.MODE_DISPLAY)
+        """Write the targets to rest; return whether the drive accepted all that it has."""
+        mode = await self._read_optional(cia402.MODE_DISPLAY)
         targets = [*RESTING, *([OFFSETS[mode]] if mode in OFFSETS else [])]
         taken = [await self._rests(each, 0) for each in targets if self._objects.has(each)]
         if mode in FOLLOWING:
@@ -228,13 +227,13 @@ class DriveAtNode:
         try:
             await self._write(index, value)
         except NodeRefused as refused:
-            return refused.code == AbortCode.NO_OBJECT  # what it does not have moves nothing
+            return refused.code == AbortCode.NO_OBJECT  # an object that it does not have cannot move it
         return True
 
-    # Stops. Each is over when the drive is seen to stand.
+    # Stops end when the drive is seen to stand.
 
     async def _stop(self, kind: StopKind) -> None:
-        """Stop it until it stands, past all other requests; raises DriveError if that is not seen in its time."""
+        """Stop the drive until it stands, without waiting for other requests; raises DriveError on a timeout."""
         master = self._node.master
         known = master.controlwords.get(self._address)
         stop = AxisStop(self._objects, master.clock(), kind, known)
@@ -248,7 +247,7 @@ class DriveAtNode:
                 heard.append(error)
 
         def hear(cob_id: int, data: bytes, _: float) -> None:
-            send(stop.hear(Frame(cob_id, data), master.clock()) or [])
+            send(stop.receive(Frame(cob_id, data), master.clock()) or [])
 
         with master.observed(hear):
             end = stop.since + GIVE_UP + REPEAT
@@ -262,18 +261,18 @@ class DriveAtNode:
             raise DriveError(f"{self._name}: is not known to stand: {stop.text(master.clock())}{lost}")
 
     async def _disable(self, within: float = ENABLE_WAIT) -> None:
-        """Take its torque away, and write its targets to rest."""
+        """Switch the torque off, and write the targets to rest."""
         if await self._state() in FAULTY:
             return
         await self._stop(StopKind.DISABLE)
         await self._until("disable", within, lambda word: cia402.state_of(word) is State.DISABLED)
 
     async def _quick_stop(self) -> None:
-        """Stop it as its quick stop option code says, until it stands; raises DriveError if that is not seen."""
+        """Stop as the quick stop option code says, until the drive stands; raises DriveError on a timeout."""
         await self._stop(StopKind.QUICK_STOP)
 
     async def _halt(self) -> None:
-        """Stop it and keep its torque, as its halt option code says, until it stands.
+        """Stop as the halt option code says, keeping the torque, until the drive stands.
 
         It becomes a quick stop after 0.5 s without effect, and disable voltage with NMT stop after 1 s; after 2 s
         DriveError says what is known. If we have not enabled it, it is a quick stop from the start.
@@ -281,11 +280,11 @@ class DriveAtNode:
         await self._stop(StopKind.HALT)
 
     async def _fault_reset(self, within: float = ENABLE_WAIT) -> None:
-        """Reset its fault, if there is one; its targets are at rest then."""
+        """Reset the fault, if there is one, and write the targets to rest."""
         if await self._state() not in FAULTY:
             return
         await self._rest()
-        # Until the motor stands, the drive is in Fault reaction active, where a reset does nothing.
+        # A reset has no effect in Fault reaction active, that is until the motor stands.
         await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
         await self._command(DriveCommand.DISABLE_VOLTAGE)  # the reset is a rising edge
         await self._command(DriveCommand.FAULT_RESET)
@@ -298,16 +297,16 @@ class DriveAtNode:
 
     @asynccontextmanager
     async def _watched(self) -> AsyncIterator[None]:
-        """Halt the drive if whoever waits for its motion gives up, for whatever reason."""
+        """Halt the drive if the wait for its motion ends early."""
         try:
             yield
-        # Including Ctrl-C and a cancelled task: a motor must not go on turning when nobody waits for it.
+        # Also Ctrl-C and a cancelled task: nobody watches the motor then.
         except BaseException:
             await self._halt()
             raise
 
     async def _enter(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
-        """Choose a mode of operation and enable at rest; a halt that is set stays until the motion is commanded."""
+        """Choose a mode of operation and enable at rest; a halt stays set until a motion is commanded."""
         await self._choose(mode, within)
         await self._enable(within)
 
@@ -321,7 +320,7 @@ class DriveAtNode:
                 raise DriveError(f"{self._name}: {cia402.MODE_WORDS[mode]}: it stays in {is_}")
 
     async def _begin_home(self, method: int | None = None) -> None:
-        """Enable it and begin to home it, as `home` does, without waiting for the end."""
+        """Enable the drive and start homing as `home` does, without waiting for the end."""
         if method is not None and method > 0 and method not in METHODS:
             raise LocalError(f"{method} is not a homing method of CiA 402")
         if method is not None:
@@ -331,11 +330,10 @@ class DriveAtNode:
         await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
 
     async def _home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
-        """Enable and home it, by a method of CiA 402 or a maker's negative one (default: the one that is set)."""
+        """Enable the drive and home it by a method of CiA 402 or a negative one of its maker (None: the set one)."""
         async with self._watched():
             await self._begin_home(method)
-            # Both bits: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause
-            # 11).
+            # Both bits, as with bit 12 alone the axis is still moving (CiA 402-2, clause 11).
             done = cia402.BIT_12 | cia402.TARGET_REACHED
             word = await self._until("home", within, lambda word: word & done == done or bool(word & cia402.BIT_13))
         if word & cia402.BIT_13:
@@ -345,17 +343,18 @@ class DriveAtNode:
     async def _begin_move(
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = ENABLE_WAIT
     ) -> None:
-        """Enable it and have it begin a move; it has `within` seconds to take the set-point."""
+        """Enable the drive and start a move; it has `within` seconds to accept the set-point."""
         if relative and await self._state() is State.ENABLED:
-            # From where it is: the drive would count from its last set-point, which a halted move has not reached.
-            position, relative = await self._read(cia402.POSITION) + position, False
+            # The drive itself would count from its last set-point, which a halted move has not reached.
+            position = await self._read(cia402.POSITION) + position
+            relative = False
         await self._enter(Mode.PROFILE_POSITION)
-        # Halted until there is the new set-point: an interrupted move would go on to the former one.
+        # Halted until the new set-point is there, as an interrupted move would go on to the former one.
         await self._command(DriveCommand.ENABLE, cia402.HALT)
         if velocity is not None:
             await self._write(cia402.PROFILE_VELOCITY, velocity)
         await self._write(cia402.TARGET_POSITION, position)
-        # At once: a set-point that an interrupted program has left behind does not have to be reached first.
+        # At once, without first reaching a set-point that an interrupted program left.
         bits = cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
         await self._command(DriveCommand.ENABLE, bits)
         await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
@@ -364,34 +363,34 @@ class DriveAtNode:
     async def _move(
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
     ) -> None:
-        """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there.
+        """Enable the drive, move to a position, or by a distance if `relative`, and wait for the end.
 
         The distance counts from where it is.
         """
         async with self._watched():
             await self._begin_move(position, velocity, relative=relative, within=within)
             reached = cia402.TARGET_REACHED
-            # While bit 12 is set, "target reached" may still be about the set-point before.
+            # While bit 12 is set, "target reached" may belong to the set-point before.
             await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
-        """Enable it, and let it turn at a velocity, in profile velocity mode."""
+        """Enable the drive and turn it at a velocity, in profile velocity mode."""
         await self._begin(cia402.TARGET_VELOCITY, velocity, Mode.PROFILE_VELOCITY)
 
     async def _begin_torque(self, torque: int) -> None:
-        """Enable it with a target torque, thousandths of the rated one (profile torque mode, CiA 402-2, clause 15)."""
+        """Enable the drive with a target torque in thousandths of the rated one (CiA 402-2, clause 15)."""
         await self._begin(cia402.TARGET_TORQUE, torque, Mode.PROFILE_TORQUE)
 
     async def _begin(self, target: int, value: int, mode: Mode) -> None:
         async with self._watched():
             if await self._state() is State.ENABLED:
-                # Before the mode: the drive would otherwise start with whatever is in the object.
+                # Before the mode, as the drive would start with the old value.
                 await self._write(target, value)
                 await self._choose(mode)
             else:
                 await self._enter(mode)
                 await self._write(target, value)
-            # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the former mode must not count in this one.
+            # Clears bits 4 to 6 and 8, which the former mode may have set.
             await self._command(DriveCommand.ENABLE)
 
 

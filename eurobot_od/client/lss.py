@@ -1,4 +1,4 @@
-"""Layer setting services: find devices by their identity, give them node-ID and bit rate, have them store it (CiA 305).
+"""Layer setting services (CiA 305): find devices by identity, set and store their node-IDs and bit rates.
 
 A service is a generator that yields requests and gets the answers, None if there was none; only `perform` has a bus.
 What the standard does not allow is refused before the generator is made.
@@ -24,23 +24,23 @@ from eurobot_od.support.progress import Progress, unwatched
 LSS_LOG = logging.getLogger("eurobot_od.lss")
 
 ANSWER_WAIT = 0.1
-"""Seconds that a device has for an answer; `find_all` waits for this long about 130 times for each device."""
+"""Timeout of an answer, in s; `find_all` waits for it about 130 times for each device."""
 
 FIRST_BIT = 31
-"""Fastscan starts with the highest bit."""
+"""Highest bit, with which fastscan starts."""
 
 PATIENCE = (1, 2, 4, 8)
-"""By how much the time for an answer grows each time that answers seem to be lost or late; then the service fails."""
+"""Factors of the timeout for successive attempts when answers seem lost or late."""
 
 ATTEMPTS = 3
-"""How often a scan asks for a bit that no device confirms in either value."""
+"""Attempts for a bit that no device confirms in either value."""
 
 VENDORS = (0xA5A5A5A5, 0x5A5A5A5A)
-"""Two vendor-IDs; whoever says yes to both of them says yes to everything."""
+"""Two vendor-IDs; a device that confirms both confirms everything."""
 
 
 class LssRequest(NamedTuple):
-    """A request: its command, the bytes after it, and the command of the answer (None: there is no answer).
+    """A request: its command, the bytes after it, and the command of the answer (None without an answer).
 
     A device has `patience` times as long for its answer as for others.
     """
@@ -64,12 +64,12 @@ LssSteps: TypeAlias = "Generator[LssRequest, bytes | None, Result]"
 
 
 def switch(state: standard.LssState) -> LssSteps[None]:
-    """Put all devices into a state; they do not answer."""
+    """Switch all devices to a state; they do not answer."""
     return _sent(LssRequest(standard.Lss.SWITCH_GLOBAL, bytes([state])))
 
 
 def select(identity: Identity) -> LssSteps[bool]:
-    """Put the device with an identity into configuration state; return whether there is one.
+    """Switch the device with an identity to configuration state; return whether there is one.
 
     Without an answer the device is asked again, with more time.
     """
@@ -81,15 +81,14 @@ def select(identity: Identity) -> LssSteps[bool]:
 
 
 def _selected(identity: Identity, patience: float) -> LssSteps[bool]:
-    # Four frames with one part of the identity in each; only the last one is answered, by the device that agrees with
-    # all of them (CiA 305).
+    # Four frames, each with a part of the identity; only the last one is answered (CiA 305).
     *first, last = [LssRequest(standard.Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
     yield from first
     return (yield last._replace(answer=standard.Lss.SELECTED, patience=patience)) is not None
 
 
 def fastscan() -> LssSteps[Identity | None]:
-    """Find a device without a node-ID and put it into configuration state; None if there is none.
+    """Find a device without a node-ID and switch it to configuration state; return None if there is none.
 
     Of several devices, it finds the one that has 0 in the first bit in which they differ. A device that then does not
     say the same identity itself is searched for again, with more time for answers. Raises RemoteError if it goes away.
@@ -106,7 +105,7 @@ def fastscan() -> LssSteps[Identity | None]:
 
 
 def find_all() -> LssSteps[list[Identity]]:
-    """Return all devices without a node-ID, at most as many as there are node-IDs; nothing is configured.
+    """Return all devices without a node-ID, at most 127; nothing is configured.
 
     All devices answer with the same identifier, so they are told apart by asking for both values of each bit. Each
     device that is found is selected, and has to say the same identity itself. While others are left, they are searched
@@ -122,7 +121,7 @@ def find_all() -> LssSteps[list[Identity]]:
         scan = _Scan(patience)
         yield from scan.find_all()
         doubtful = scan.is_lost
-        for each in scan.seen:  # where slaves keep no position, one may be made of parts of two devices
+        for each in scan.seen:  # if slaves keep no position, an identity may combine those of two devices
             is_confirmed = yield from _is_confirmed(each)
             doubtful = doubtful or not is_confirmed
             found |= {each} if is_confirmed else set()
@@ -139,7 +138,7 @@ def _left_words(found: Sequence[Identity]) -> str:
 
 
 def _is_confirmed(identity: Identity) -> LssSteps[bool]:
-    """Select a device, and return whether it says the same identity itself."""
+    """Return whether a device, once selected, reports this identity."""
     if not (yield from select(identity)):
         return False
     try:
@@ -149,7 +148,7 @@ def _is_confirmed(identity: Identity) -> LssSteps[bool]:
 
 
 def _is_complete(found: Iterable[Identity], doubtful: bool) -> LssSteps[bool]:
-    """Return whether nobody but the `found` devices is there; in configuration state they do not answer (CiA 305).
+    """Return whether no device but the `found` ones answers; those in configuration state do not (CiA 305).
 
     CANopenNode's do; of those it is known only whether the search was `doubtful`. The found devices are left in
     configuration state, so that the next search is for the others, except for those.
@@ -176,7 +175,7 @@ def _is_anybody_there() -> LssSteps[bool]:
 
 
 class _Scan:
-    """A search by fastscan; `seen` are the identities that it led to, and it `is_lost` where nobody answered any more.
+    """A search by fastscan: `seen` are the identities found, `is_lost` whether answers stopped.
 
     LSS can say no only by silence. So a bit is 1 only where a device says so, not where none says 0. An answer that
     comes late can still be taken for one to the next question: what was seen has to be confirmed.
@@ -188,13 +187,13 @@ class _Scan:
         self.is_lost = False
 
     def ask(self, number: int, bit: int, part: int, then: int) -> LssSteps[bool]:
-        """Ask who agrees in bits 31 to `bit` of a part of the identity; those expect the part `then` next."""
+        """Return whether a device agrees in bits 31 to `bit` of a part; those then expect the part `then`."""
         rest = _number(number) + bytes([bit, part, then])
         request = LssRequest(standard.Lss.FASTSCAN, rest, standard.Lss.IDENTIFY_SLAVE, self._patience)
         return (yield request) is not None
 
     def find_one(self) -> LssSteps[Identity | None]:
-        """Return the first device; None if it no longer answers."""
+        """Return the identity of the first device, None if it no longer answers."""
         head: tuple[int, ...] = ()
         yield from self._position(head)
         for part in range(len(Identity._fields)):
@@ -204,18 +203,18 @@ class _Scan:
                 if self.is_lost:
                     return None
                 number |= is_other << bit
-            # Asked once more with the whole part, which makes the device go on to the next part (CiA 305, fastscan).
+            # Confirming the whole part moves the device on to the next part (CiA 305, fastscan).
             yield from self.ask(number, 0, part, (part + 1) % len(Identity._fields))
             head = (*head, number)
         return Identity._make(head)
 
     def find_all(self) -> LssSteps[None]:
-        """Note all devices; ends early where nobody answers any more."""
+        """Collect all identities in `seen`, until answers stop."""
         yield from self._position(())
         yield from self._explore((), 0, FIRST_BIT + 1)
 
     def _explore(self, head: tuple[int, ...], number: int, bit: int) -> LssSteps[None]:
-        """Note the devices whose identities start with `head`, and their next part with `number` from `bit` up."""
+        """Collect the identities that start with `head`, and whose next part has `number` from `bit` up."""
         if bit == 0 and len(head) + 1 == len(Identity._fields):
             self.seen.append(Identity._make((*head, number)))
         elif bit == 0:
@@ -226,7 +225,7 @@ class _Scan:
             is_first, is_other = yield from self._halves(head, number, bit, are_both_asked=True)
             if is_first:
                 yield from self._explore(head, number, bit)
-            # Exploring the first half has moved everybody on: the devices of the other half are led to this part again.
+            # Exploring the first half has moved all devices on, so they are led back to this part.
             if is_first and is_other:
                 yield from self._position(head)
             if is_other and not self.is_lost and len(self.seen) < len(NODE_IDS):
@@ -235,8 +234,10 @@ class _Scan:
     def _halves(
         self, head: tuple[int, ...], number: int, bit: int, *, are_both_asked: bool
     ) -> LssSteps[tuple[bool, bool]]:
-        """Return whether devices have 0 and 1 in a bit; with a 0, the 1 is asked for only if `are_both_asked`."""
-        part, is_first, is_other = len(head), False, False
+        """Return whether devices have 0 and 1 in a bit; after a 0, 1 is asked only if `are_both_asked`."""
+        part = len(head)
+        is_first = False
+        is_other = False
         for _ in range(ATTEMPTS):
             is_first = yield from self.ask(number, bit, part, part)
             if are_both_asked or not is_first:
@@ -248,7 +249,7 @@ class _Scan:
         return False, False
 
     def _position(self, head: tuple[int, ...]) -> LssSteps[None]:
-        """Have devices whose identities start with `head` expect its next part."""
+        """Make devices whose identities start with `head` expect the next part."""
         for _ in range(ATTEMPTS):
             is_there = yield from self.ask(0, standard.ANY_BIT, 0, 0)
             for part, number in enumerate(head):
@@ -261,7 +262,8 @@ def inquire_identity() -> LssSteps[Identity]:
     """Return the identity of the device that is being configured; raises NoAnswer."""
     numbers = list[int]()
     for part, name in enumerate(standard.LSS_IDENTITY):
-        command, answer = standard.Lss.INQUIRE + part, None
+        command = standard.Lss.INQUIRE + part
+        answer = None
         for patience in PATIENCE:
             answer = yield LssRequest(command, answer=command, patience=patience)
             if answer is not None:
@@ -273,26 +275,26 @@ def inquire_identity() -> LssSteps[Identity]:
 
 
 def inquire_node_id() -> LssSteps[int]:
-    """Return the node-ID of the device that is being configured, 255 if it has none; raises NoAnswer."""
+    """Return the node-ID of the device being configured, 255 if it has none; raises NoAnswer."""
     return (yield from _asked(LssRequest(standard.Lss.INQUIRE_NODE_ID, answer=standard.Lss.INQUIRE_NODE_ID)))[1]
 
 
 def configure_node_id(node_id: int) -> LssSteps[None]:
-    """Give the device a node-ID, 255 for none. Raises LocalError, RemoteError if it refuses, NoAnswer."""
+    """Set the node-ID of the device, 255 for none. Raises LocalError, RemoteError if it refuses, NoAnswer."""
     if node_id not in (*NODE_IDS, standard.UNCONFIGURED):
         raise LocalError(f"node-ID {node_id} is not in 1..127 (255 for none)")
     return _configured(standard.Lss.CONFIGURE_NODE_ID, bytes([node_id]))
 
 
 def configure_bit_rate(kbit: int) -> LssSteps[None]:
-    """Give the device a bit rate in kbit/s; raises as `configure_node_id`."""
+    """Set the bit rate of the device in kbit/s; raises as `configure_node_id`."""
     if kbit not in standard.BIT_RATES:
         raise LocalError(f"{kbit} kbit/s is not in CiA 305's table: {', '.join(map(str, standard.BIT_RATES))}")
     return _configured(standard.Lss.CONFIGURE_BIT_TIMING, bytes([0, standard.BIT_RATES[kbit]]))
 
 
 def activate_bit_rate(delay: float) -> LssSteps[None]:
-    """Have the devices being configured change their bit rate in `delay` seconds; they do not answer.
+    """Make the devices being configured change their bit rate after `delay` seconds; they do not answer.
 
     They are then silent for as long again (CiA 305: switch delay). Raises LocalError.
     """
@@ -303,12 +305,12 @@ def activate_bit_rate(delay: float) -> LssSteps[None]:
 
 
 def store() -> LssSteps[None]:
-    """Have the device store node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
+    """Make the device store node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
     return _configured(standard.Lss.STORE, b"")
 
 
 def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity | None]:
-    """Put one device into configuration state; return its identity, None if it is the only one on the bus.
+    """Switch one device to configuration state; return its identity, or None if it is the only one.
 
     It is the only one (`alone`), the one with an `identity`, or else the first without a node-ID. Raises RemoteError if
     there is none.
@@ -320,14 +322,15 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
         found = identity if (yield from select(identity)) else None
         missing = f"no device has the identity {identity}"
     else:
-        found, missing = (yield from fastscan()), "no device without a node-ID answers"
+        found = yield from fastscan()
+        missing = "no device without a node-ID answers"
     if found is None:
         raise RemoteError(missing)
     return found
 
 
 def assigned(node_id: int, identity: Identity | None, bit_rate: int | None, stores: bool) -> LssSteps[Identity | None]:
-    """Give the `chosen` device a node-ID and, unless None, a bit rate in kbit/s; have it store them if it `stores`."""
+    """Assign a node-ID and, unless None, a bit rate in kbit/s to the `chosen` device; store them if `stores`."""
     services = [configure_node_id(node_id)]
     services += [] if bit_rate is None else [configure_bit_rate(bit_rate)]
     device = yield from chosen(identity)
@@ -369,7 +372,7 @@ def _number(value: int) -> bytes:
 
 
 class LssChange(NamedTuple):
-    """A service that sets something, and what it has done then, in words."""
+    """A service that changes a setting, and the text of its result."""
 
     steps: LssSteps[None]
     done: str
@@ -392,14 +395,14 @@ def settings(
 
 
 def inquire(identity: Identity | None, alone: bool) -> LssSteps[str]:
-    """Return which node-ID a device has, in words; the device is chosen as by `chosen`."""
+    """Return the node-ID of a device as text; the device is selected as by `chosen`."""
     device = yield from chosen(identity, alone)
     node_id = yield from inquire_node_id()
     return f"{device or ONLY}  {standard.node_id_words(node_id)}"
 
 
 def set_up(identity: Identity | None, alone: bool, wanted: Sequence[LssChange]) -> LssSteps[str]:
-    """Set up a device, chosen as by `chosen`, and return what was done, in words."""
+    """Configure a device, selected as by `chosen`; return what was done, as text."""
     device = yield from chosen(identity, alone)
     for each in wanted:
         yield from each.steps
@@ -407,7 +410,7 @@ def set_up(identity: Identity | None, alone: bool, wanted: Sequence[LssChange]) 
 
 
 ONLY = "the only device"
-"""The name of a device that nobody has asked who it is."""
+"""Name of a device whose identity was not asked."""
 
 
 # The bus
@@ -417,7 +420,7 @@ ONLY = "the only device"
 async def perform(
     master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT, progress: Progress = unwatched
 ) -> Result:
-    """Carry out a service; a device has `wait` seconds for each answer, more to store. Raises its errors and BusError.
+    """Perform a service, with `wait` seconds for each answer, more to store. Raises its errors and BusError.
 
     `progress` is called with the number of requests so far.
     """
@@ -426,7 +429,8 @@ async def perform(
     answer, number = None, 0
     try:
         while True:
-            request, number = steps.send(answer), number + 1
+            request = steps.send(answer)
+            number = number + 1
             progress(number, None)
             answer = await _exchange(master, request, answers, wait)
     except StopIteration as end:
@@ -437,7 +441,7 @@ async def perform(
 
 
 async def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
-    master.drain()  # a late answer to the request before is not an answer to this one
+    master.drain()  # discards a late answer to the request before
     answers.clear()
     LSS_LOG.debug("%s: %s", _words(request.command), request.data.hex(" "))
     master.send(standard.REQUESTS, request.data)

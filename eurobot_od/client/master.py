@@ -55,7 +55,7 @@ Rest = ParamSpec("Rest")
 
 
 class Procedure(Generic[P, Result]):
-    """A coroutine function: calling it carries all of it out at once, its `steps` have to be awaited.
+    """A coroutine function: calling it runs all of it at once, while its `steps` are awaited.
 
     It is a decorator for functions and methods. Called for the master of an event loop, it raises StateError.
     """
@@ -66,7 +66,7 @@ class Procedure(Generic[P, Result]):
             update_wrapper(self, function)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result:
-        """Carry it out, and return when it is done."""
+        """Run the procedure to its end, and return its result."""
         return finished(self.steps(*args, **kwargs))
 
     def __get__(
@@ -90,7 +90,7 @@ def finished(steps: Coroutine[Any, Any, Result]) -> Result:
 def blocking(
     steps: Callable[Concatenate[Owner, Rest], Coroutine[Any, Any, Result]],
 ) -> Callable[Concatenate[Owner, Rest], Result]:
-    """Make a method of a blocking program's face of one that an event loop's face has as it is."""
+    """Return a blocking method made from an awaitable one."""
 
     @wraps(steps)
     def run(self: Owner, /, *arguments: Rest.args, **names: Rest.kwargs) -> Result:
@@ -103,26 +103,26 @@ def blocking(
 
 
 ANSWER_WAIT = 0.5
-"""Seconds that a node has to answer an SDO request, by default."""
+"""Default timeout of an SDO request, in s."""
 
 BLOCK_FROM = 128
-"""Longer contents are written by block transfer; for shorter ones segments are as quick, and every node takes them."""
+"""Contents longer than this, in bytes, are written by block transfer; segments are as quick for shorter ones."""
 
 STORE_WAIT = 5.0
-"""Seconds that a node has to store its parameters, for which it may have to erase a flash memory."""
+"""Timeout for storing parameters, in s; a node may have to erase flash memory."""
 
 BACKLOG = 1 << 16
-"""Most waiting frames that are taken in at once: more than any adapter's buffer holds."""
+"""Maximum number of waiting frames taken at once; no adapter buffers more."""
 
 LONGEST_LOGGED = 32
-"""Bytes of a transfer that are logged."""
+"""Maximum number of bytes of a transfer in a log line."""
 
 BOOT_WAIT = 5.0
-"""Seconds that a node has from a reset to its boot-up message."""
+"""Timeout from a reset to the boot-up message, in s."""
 
 
 Observer: TypeAlias = Callable[[int, bytes, float], object]
-"""Called with a frame's COB-ID, data, and time in seconds."""
+"""Function called with the COB-ID, data and time (in s) of a frame."""
 
 
 class Master:
@@ -146,20 +146,21 @@ class Master:
         self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
         self.shared: dict[int, float] = {}
-        """When an answer to another client was last skipped, s of `clock`, by the node-ID of the server."""
+        """Time of the last skipped answer to another client, in s of `clock`, by the node-ID of the server."""
         self.controlwords: dict[tuple[int, int], int] = {}
-        """The controlword that was last sent to an axis, by its node-ID and number."""
+        """Last controlword sent to an axis, by its node-ID and number."""
         self.booted: set[int] = set()
-        """The nodes that have booted since they were last commanded or waited for."""
+        """Nodes that have booted since the last command or wait."""
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[PeriodicTask] = []
         self.failure: errors.BusError | None = None
-        """Why the bus can no longer be read, where another thread reads it; None while it can."""
+        """Error of the thread that reads the bus, None while it works."""
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
-        """Held while frames are taken in, where another thread does that."""
-        self._message, self._sending = can.Message, Lock()
+        """Lock held while frames are taken in, if another thread does that."""
+        self._message = can.Message
+        self._sending = Lock()
 
     def __enter__(self) -> Master:
         return self
@@ -168,17 +169,17 @@ class Master:
         self.close()
 
     def close(self) -> None:
-        """End what is sent periodically, and shut the bus down."""
+        """Stop periodic frames, and shut the bus down."""
         self.stop_periodic()
         self.bus.shutdown()
 
     def stop_periodic(self) -> None:
-        """End what is sent periodically."""
+        """Stop sending periodic frames."""
         for task in self.periodic:
             task.stop()
 
     def call(self, function: Callable[[], object]) -> None:
-        """Call a user's function that listens to frames: here at once, on the thread that takes frames in.
+        """Call a user's function for a frame: here at once, on the thread that takes frames in.
 
         An exception it raises is logged, and the others are still called.
         """
@@ -188,19 +189,19 @@ class Master:
             logging.getLogger("eurobot_od").exception("a function that was to be called has failed")
 
     def node(self, node_id: int) -> RemoteNode:
-        """Return a node to talk to, which need not be there."""
+        """Return a node by its node-ID; it need not be there."""
         return RemoteNode(self, node_id)
 
     def sdo_server(self, node_id: int) -> SdoChannel:
-        """Return where a node's SDO server is: at its default COB-IDs (CiA 301, 7.3.3), unless `follow` has others."""
+        """Return the COB-IDs of a node's SDO server: the default ones (CiA 301, 7.3.3) unless `follow` set others."""
         return self._sdo_servers.get(node_id, SdoChannel.default(node_id))
 
     def follow(self, device: Dictionary) -> None:
-        """Talk to a device at the SDO server that its file gives (0x1200; see `SdoChannel`)."""
+        """Use the SDO server that a device's file describes (0x1200; see `SdoChannel`)."""
         self._sdo_servers[device.node_id] = SdoChannel.of(device)
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
-        """Return what is held during a transfer: a node's SDO server does one at a time (CiA 301, 7.2.4.1)."""
+        """Return the lock held during a transfer, as an SDO server does one at a time (CiA 301, 7.2.4.1)."""
         return nullcontext()
 
     def send(self, cob_id: int, data: bytes) -> None:
@@ -208,7 +209,7 @@ class Master:
         self._send(self._message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def request(self, cob_id: int) -> None:
-        """Ask for a frame with a remote frame, as node guarding does; raises BusError."""
+        """Send a remote frame, as node guarding does; raises BusError."""
         self._send(self._message(arbitration_id=cob_id, is_remote_frame=True, dlc=1, is_extended_id=False))
 
     def _send(self, message: can.Message) -> None:
@@ -219,19 +220,19 @@ class Master:
             raise failure(self.bus, error) from error
 
     def drain(self) -> None:
-        """Take in the frames that are waiting already. Raises BusError."""
-        # With a bound: on a fully loaded bus a frame is always waiting.
+        """Take in the frames that are already waiting. Raises BusError."""
+        # Bounded, as on a fully loaded bus a frame is always waiting.
         for _ in range(BACKLOG):
             if not self._receive(0):
                 break
 
     @Procedure
     async def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
-        """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
+        """Take in frames for `wait` seconds or until `done`; return whether it is done. Raises BusError."""
         return await self.take_in(wait, done)
 
     async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
-        """Do what `pump` does; subclasses have other ways.
+        """Implement `pump`; subclasses override it.
 
         Frames that are waiting at the end count as well: they have come in time, however late this process looks.
         """
@@ -250,23 +251,23 @@ class Master:
             raise failure(self.bus, error) from error
         # CANopen has 11-bit data frames; remote frames are what a master itself sends to guard a node.
         if message is not None and not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
-            self.heard(message.arbitration_id, bytes(message.data), message.timestamp)
+            self.receive(message.arbitration_id, bytes(message.data), message.timestamp)
         return message is not None
 
     @contextmanager
     def observed(self, observer: Observer) -> Iterator[None]:
-        """Have an observer called with every frame."""
+        """Call an observer with every frame."""
         self.observers = (*self.observers, observer)  # replaced as a whole: a reader may be iterating over it
         try:
             yield
         finally:
             self.observers = tuple(each for each in self.observers if each is not observer)
 
-    def heard(self, cob_id: int, data: bytes, now: float) -> None:
-        """Take in a classic data frame with an 11-bit identifier."""
+    def receive(self, cob_id: int, data: bytes, now: float) -> None:
+        """Process a classic data frame with an 11-bit identifier."""
         node_id = cob_id - values.ERROR_CONTROL_BASE
         if node_id in values.NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
-            # With bit 7 set it is an answer to node guarding with its toggle bit, which `NodeWatch` has asked for.
+            # With bit 7 set, it is an answer to node guarding, which `NodeWatch` evaluates.
             state = NmtState(data[0])
             level = logging.DEBUG if state is self.states.get(node_id) else logging.INFO
             NMT_LOG.log(level, "node %d: %s", node_id, STATE_NAMES[state])
@@ -295,7 +296,7 @@ class PeriodicTask:
         master.periodic.append(self)
 
     def resume(self) -> None:
-        """Start over on a bus that was opened again, unless it was stopped."""
+        """Start again on a reopened bus, unless it was stopped."""
         if self._task is not None:
             self.stop()
             self._start()
@@ -305,12 +306,12 @@ class PeriodicTask:
             self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
         except Exception as error:  # whatever a driver raises
             raise failure(self._master.bus, error) from error
-        # A sending thread of python-can ends with the bus: whoever waits for frames hears of that, once.
+        # A sending thread of python-can ends with the bus; the reader of the bus reports that once.
         if hasattr(self._task, "on_error"):
             self._task.on_error = lambda _: False
 
     def stop(self) -> None:
-        """End it; does nothing if it has ended."""
+        """Stop sending; does nothing if it has ended."""
         if self._task is not None:
             self._task.stop()
             self._task = None
@@ -327,14 +328,14 @@ HINTS: Mapping[NmtState | None, str] = {
     NmtState.STOPPED: "its last heartbeat said stopped: a stopped node answers no SDO",
     NmtState.INITIALISING: "it has booted, and sent no heartbeat since",
 }
-"""What may be the cause when a node is silent, by what its last heartbeat said."""
+"""Possible causes of a node's silence, by the state in its last heartbeat."""
 
 ALIVE = "its heartbeats come: is its SDO server at other COB-IDs?"
 OTHERS = "another client is asking node {}: answers came, and none was to us"
 
 
 class RemoteNode:
-    """One node as the master sees it: its objects' bytes by address, and its NMT state."""
+    """A node as the master sees it: its objects as bytes by address, and its NMT state."""
 
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
@@ -348,20 +349,21 @@ class RemoteNode:
         most: int = LARGEST,
         unannounced: int = LARGEST,
     ) -> bytes:
-        """Read an object's bytes, at most `most` of them, and at most `unannounced` if the node does not say how many.
+        """Read an object of up to `most` bytes, or up to `unannounced` if the node does not announce the size.
 
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
-        master, room = self.master, sdo.Room(most, min(most, unannounced, self.master.unannounced))
+        master = self.master
+        room = sdo.Room(most, min(most, unannounced, self.master.unannounced))
         begin = partial(sdo.upload, address, master.answer_wait, progress, room)
         first = begin()
         await self.run.steps(first)
-        # Once more: a server with room for one request may have lost ours to another client's. A read changes nothing.
+        # A disturbed read is repeated: the server may have dropped our request for another client's.
         return await self._transfer("read", address, name, begin() if first.was_disturbed else first)
 
     @Procedure
     async def upload_block(self, address: values.Address, name: str = "", progress: Progress = unwatched) -> bytes:
-        """Read a long object by block transfer; by segments if the node has no block transfer, however it says so."""
+        """Read a long object by block transfer, or by segments if the node has no block transfer."""
         room = sdo.Room(unannounced=self.master.unannounced)
         by_blocks = sdo.block_upload(address, self.master.answer_wait, progress=progress, room=room)
         try:
@@ -378,12 +380,13 @@ class RemoteNode:
         wait: float | None = None,
         progress: Progress = unwatched,
     ) -> None:
-        """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does.
+        """Write an object, waiting up to `wait` seconds for each answer. Raises as `upload` does.
 
         Long contents go by block transfer, or by segments if the node does not take the first block, however it says
         so.
         """
-        answer_wait, taken = wait or self.master.answer_wait, [0]
+        answer_wait = wait or self.master.answer_wait
+        taken = [0]
         if len(data) > BLOCK_FROM:
 
             def noted(done: int, size: int | None) -> None:
@@ -395,15 +398,14 @@ class RemoteNode:
                 await self._transfer("write", address, name, by_blocks, data)
                 return
             except errors.RemoteError:
-                # It does have block transfer: a failure in the middle is an error, not a reason to start over by
-                # segments.
+                # After a first block the node has block transfer, and segments would not help.
                 if taken[-1]:
                     raise
         await self._transfer("write", address, name, sdo.download(address, data, answer_wait, progress), data)
 
     def command(self, command: NmtCommand) -> None:
-        """Send an NMT command to this node; it is not confirmed, and earlier heartbeats no longer count."""
-        # A frame that is already waiting was sent before the command, and must not be taken for its effect.
+        """Send an NMT command to this node; it is not confirmed, and invalidates earlier heartbeats."""
+        # Waiting frames were sent before the command and do not show its effect.
         self.master.drain()
         self.master.states.pop(self.node_id, None)
         self.master.booted.discard(self.node_id)
@@ -412,8 +414,8 @@ class RemoteNode:
 
     @Procedure
     async def state(self, wait: float) -> NmtState | None:
-        """Wait for the node's next heartbeat and return its state, None if there is no heartbeat."""
-        # What was heard before says nothing about the present.
+        """Wait for the next heartbeat and return its state, None without one."""
+        # An earlier heartbeat does not count.
         self.master.states.pop(self.node_id, None)
         await self.master.pump.steps(wait, lambda: self.node_id in self.master.states)
         return self.last_state
@@ -421,7 +423,7 @@ class RemoteNode:
     @Procedure
     async def wait_for(self, state: NmtState, wait: float) -> bool:
         """Wait for a heartbeat with a state (INITIALISING is the boot-up); return whether one came."""
-        # All states that are heard: a heartbeat may follow the boot-up before a waiting thread has looked.
+        # All states are collected, as a heartbeat may follow the boot-up before the waiting thread wakes.
         heard: list[NmtState | None] = []
 
         def hear(cob_id: int, *_: object) -> None:
@@ -433,7 +435,7 @@ class RemoteNode:
 
     @Procedure
     async def wait_for_bootup(self, wait: float) -> bool:
-        """Wait for a boot-up message, also one that has come since the last command; return whether one came."""
+        """Wait for a boot-up message, which may have come since the last command; return whether one came."""
         booted = self.master.booted
         is_there = await self.master.pump.steps(wait, lambda: self.node_id in booted)
         booted.discard(self.node_id)
@@ -441,12 +443,12 @@ class RemoteNode:
 
     @property
     def last_state(self) -> NmtState | None:
-        """The state in the last heartbeat that was heard, None if there was none."""
+        """State in the last heartbeat, None without one."""
         return self.master.states.get(self.node_id)
 
     @Procedure
     async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE, booting_as: int | None = None) -> None:
-        """Reset the node and wait for its boot-up message, under another node-ID if it gets one. Raises NoAnswer."""
+        """Reset the node and wait for its boot-up message, under another node-ID if given. Raises NoAnswer."""
         booting = self if booting_as is None else self.master.node(booting_as)
         self.master.booted.discard(booting.node_id)
         self.command(command)
@@ -457,7 +459,7 @@ class RemoteNode:
     async def _transfer(
         self, verb: str, address: values.Address, name: str, transfer: sdo.Transfer, sent: bytes = b""
     ) -> bytes:
-        """Carry out a transfer unless it is done; a failure becomes an error that names this node and the object."""
+        """Run a transfer unless it is done; its failure becomes an error that names the node and the object."""
         if not transfer.done:
             await self.run.steps(transfer)
         request = f"{verb} {values.label(address, name)}"
@@ -479,8 +481,9 @@ class RemoteNode:
 
     @Procedure
     async def run(self, transfer: sdo.Transfer) -> None:
-        """Carry out a transfer to its end, whether it succeeds or not. Raises BusError."""
-        master, clock = self.master, self.master.clock
+        """Run a transfer to its end, whether it succeeds or not. Raises BusError."""
+        master = self.master
+        clock = self.master.clock
         requested_at, cob_id = master.sdo_server(self.node_id)
 
         def send(requests: list[bytes]) -> None:
@@ -488,7 +491,7 @@ class RemoteNode:
                 master.send(requested_at, request)
 
         async with master.turn(self.node_id):
-            # A late answer to the request before would be taken for the answer to this one.
+            # Discards a late answer to the request before.
             master.drain()
             with master.guard:
                 master.listeners[cob_id] = lambda data: send(transfer.receive(data, clock()))
@@ -502,7 +505,7 @@ class RemoteNode:
 
 
 def logged(data: bytes) -> tuple[int, str]:
-    """Return how many bytes there are, and as many of them as a line has room for, in hexadecimal digits."""
+    """Return the number of bytes, and the first `LONGEST_LOGGED` of them in hexadecimal."""
     return len(data), data[:LONGEST_LOGGED].hex(" ") + (" ..." if len(data) > LONGEST_LOGGED else "")
 
 
@@ -510,16 +513,16 @@ def logged(data: bytes) -> tuple[int, str]:
 
 
 Guard: TypeAlias = Callable[[Callable[[], object]], None]
-"""Takes one step; raises BusError if the bus has failed and will not be opened again."""
+"""Runs one step; raises BusError if the bus has failed and will not be reopened."""
 
 
 def unguarded(step: Callable[[], object]) -> None:
-    """Take a step; a failing bus ends everything."""
+    """Run a step; BusError is not handled."""
     step()
 
 
 class Reconnecting:
-    """A guard that uses `opener` to open a master's bus again when a step fails; that step is not repeated.
+    """Guard that reopens a master's bus with `opener` when a step fails; that step is not repeated.
 
     A bus that has never worked is an error; only one that has worked is opened again. `tell` gets a line when the bus
     is lost and when it is back.
@@ -532,11 +535,12 @@ class Reconnecting:
         def back(gap: float) -> None:
             tell(f"the bus is back after a gap of {gap:.1f} s")
 
-        self._master, self._has_worked = master, False
+        self._master = master
+        self._has_worked = False
         self._connection = Connection(Driver(master.bus), opener, master.clock, lost, lambda: None, back)
 
     def __call__(self, step: Callable[[], object]) -> None:
-        """Take a step."""
+        """Run a step."""
         try:
             step()
         except errors.BusError as error:
@@ -554,11 +558,11 @@ class Reconnecting:
 
 
 COUNTERS = range(2, 241)
-"""Values at which the synchronous counter may overflow (CiA 301, 7.5.2.22, object 0x1019)."""
+"""Allowed overflow values of the synchronous counter (CiA 301, 7.5.2.22, object 0x1019)."""
 
 
 def syncs(overflow: int | None = None, cob_id: int = values.SYNC_COB_ID) -> Iterator[Frame]:
-    """Yield SYNC messages without end, counted from 1 to `overflow` if there is one; raises LocalError."""
+    """Yield SYNC messages without end, counted from 1 to `overflow` if it is given; raises LocalError."""
     if overflow is None:
         return (Frame(cob_id) for _ in count())
     if overflow not in COUNTERS:
@@ -567,7 +571,7 @@ def syncs(overflow: int | None = None, cob_id: int = values.SYNC_COB_ID) -> Iter
 
 
 def times(now: Callable[[], datetime], cob_id: int = values.TIME_COB_ID) -> Iterator[Frame]:
-    """Yield TIME messages without end, each with the time at which it is taken."""
+    """Yield TIME messages without end, each with the current time."""
     return (Frame(cob_id, values.TimeOfDay.of(now()).data) for _ in count())
 
 
@@ -584,15 +588,15 @@ def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard
             guard(partial(master.pump, left))
 
 
-# A log, so that a real node meets yesterday's other nodes
+# Replay of a log
 
 
 LATE = 0.001
-"""Seconds after its time from which a frame counts as late."""
+"""Delay from which a frame counts as late, in s."""
 
 
 class Replayed(NamedTuple):
-    """The number of frames that were sent and of those that were late, and the worst delay in seconds."""
+    """Number of frames sent and of late ones, and the worst delay in seconds."""
 
     frames: int = 0
     late: int = 0
@@ -600,8 +604,9 @@ class Replayed(NamedTuple):
 
 
 def replay(master: Master, frames: Iterable[tuple[float, Frame]], speed: float) -> Replayed:
-    """Send frames with their times in seconds, `speed` times as fast as they came. Raises BusError."""
-    sent, begin = Replayed(), master.clock()
+    """Send recorded frames at their times (in s), `speed` times as fast. Raises BusError."""
+    sent = Replayed()
+    begin = master.clock()
     first: float | None = None
     for at, frame in frames:
         first = at if first is None else first

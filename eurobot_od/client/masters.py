@@ -7,7 +7,7 @@ functions run in one more thread, in the order of their calls: they may talk to 
 must be free. In an event loop (`LoopMaster`) the reader hands frames over to the loop, and everything else happens
 there.
 
-Locks. `guard` protects what `heard` changes; nobody holds it while waiting for frames. A node's `turn` is held for a
+Locks. `guard` protects what `receive` changes; nobody holds it while waiting for frames. A node's `turn` is held for a
 whole transfer, so that two threads or tasks can talk to one node. It is taken before the guard, never after it.
 """
 
@@ -31,10 +31,10 @@ from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
 
 SEND_WAIT = 0.5
-"""Seconds that a driver may take to accept a frame."""
+"""Timeout for a driver to accept a frame, in s."""
 
 PATIENCE = 1.0
-"""Seconds that the end waits for users' functions."""
+"""Time that `close` waits for users' functions, in s."""
 
 Seen = Callable[[float, Frame], object]
 Failed = Callable[[BusError], object]
@@ -48,7 +48,8 @@ class OwnFeed:
     """
 
     def __init__(self, opener: Opener) -> None:
-        self._opener, self._first = opener, opener()
+        self._opener = opener
+        self._first = opener()
         self._reader: FrameReader | None = None
 
     @property
@@ -70,12 +71,14 @@ class OwnFeed:
 
 
 class SharedFeed:
-    """Somebody else's bus and python-can notifier, left alone at the end. Without a notifier we make our own."""
+    """Another owner's bus and python-can notifier, left open at the end; without a notifier we make one."""
 
     def __init__(self, bus: can.BusABC, notifier: can.Notifier | None = None) -> None:
-        self.bus, self._driver = bus, Driver(bus)
+        self.bus = bus
+        self._driver = Driver(bus)
         found = getattr(can.Notifier, "find_instances", lambda _: ())(bus)  # since python-can 4.5
-        self._notifier, self._own = notifier or next(iter(found), None), False
+        self._notifier = notifier or next(iter(found), None)
+        self._own = False
         self._hear: Any = None
 
     def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
@@ -86,7 +89,8 @@ class SharedFeed:
 
         self._hear = hear
         if self._notifier is None:
-            self._notifier, self._own = can.Notifier(self.bus, [], timeout=0.1), True
+            self._notifier = can.Notifier(self.bus, [], timeout=0.1)
+            self._own = True
         self._notifier.add_listener(hear)
 
     def send(self, frame: Frame) -> None:
@@ -102,7 +106,7 @@ class SharedFeed:
 
 
 Feed: TypeAlias = OwnFeed | SharedFeed
-"""A bus that is read all the time: ours, or somebody else's."""
+"""A bus that is read all the time: our own, or a shared one."""
 
 
 def feed_of(network: Any) -> SharedFeed:
@@ -116,7 +120,7 @@ def feed_of(network: Any) -> SharedFeed:
 
 
 class FedMaster(Master):
-    """The common part of both kinds of masters: a feed, and what is sent periodically."""
+    """Base class of both masters: a feed, and periodic frames."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT, **options: Any) -> None:
         super().__init__(feed.bus, answer_wait, **options)
@@ -124,7 +128,7 @@ class FedMaster(Master):
         self._turns: Mapping[int, AbstractAsyncContextManager[object]] = {}
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
-        """Return what is held during a transfer."""
+        """Return the lock held during a transfer."""
         return self._turns[node_id]
 
     def send(self, cob_id: int, data: bytes) -> None:
@@ -135,18 +139,19 @@ class FedMaster(Master):
         """Do nothing: frames are taken in as they come."""
 
     def close(self) -> None:
-        """Stop what is sent periodically, and the reading."""
+        """Stop periodic frames and the reading."""
         self.stop_periodic()
         self._feed.stop()
 
     def _back(self) -> None:
-        self.failure, self.bus = None, self._feed.bus
+        self.failure = None
+        self.bus = self._feed.bus
         for task in self.periodic:
             task.resume()
 
 
 class ThreadedMaster(FedMaster):
-    """A master for blocking programs; its reader takes frames in. See the top of the file."""
+    """Master for blocking programs; its reader takes frames in (see the module's docstring)."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
         super().__init__(feed, answer_wait)
@@ -159,7 +164,7 @@ class ThreadedMaster(FedMaster):
         feed.start(self._seen, self._failed, self._back)
 
     def call(self, function: Callable[[], object]) -> None:
-        """Have a user's function called soon, on the thread for them."""
+        """Queue a user's function for the thread that runs them."""
         self._calls.put(function)
 
     def _call(self) -> None:
@@ -168,7 +173,7 @@ class ThreadedMaster(FedMaster):
 
     def _seen(self, now: float, frame: Frame) -> None:
         with self._changed:
-            self.heard(frame.cob_id, frame.data, now)
+            self.receive(frame.cob_id, frame.data, now)
             self._changed.notify_all()
 
     def _failed(self, why: BusError) -> None:
@@ -184,7 +189,7 @@ class ThreadedMaster(FedMaster):
             return done()
 
     def close(self) -> None:
-        """Stop what is sent periodically, the reading and the users' functions."""
+        """Stop periodic frames, the reading and the users' functions."""
         super().close()
         self._calls.put(None)
         if self._caller is not threading.current_thread():
@@ -205,7 +210,7 @@ class _BlockingTurn:
 
 
 class LoopMaster(FedMaster):
-    """A master in the running event loop; its reader hands frames over to the loop."""
+    """Master in the running event loop; its reader passes frames to the loop."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
         self._loop = asyncio.get_running_loop()
@@ -217,21 +222,21 @@ class LoopMaster(FedMaster):
         feed.start(self._seen, self._failed, lambda: self._loop.call_soon_threadsafe(self._back))
 
     def _seen(self, now: float, frame: Frame) -> None:
-        """Hand a frame over, on the reader's thread. The loop is woken once for all frames until it looks."""
+        """Pass a frame to the loop, on the reader's thread, and wake the loop unless it is already called."""
         self._arrived.append((now, frame))
         if not self._is_called and not self._loop.is_closed():
             self._is_called = True
             self._loop.call_soon_threadsafe(self._look)
 
     def _look(self) -> None:
-        self._is_called = False  # first: a frame that comes from now on is seen in this round, or asks for another one
+        self._is_called = False  # before the loop, so that later frames are seen now or call again
         while self._arrived:
             now, frame = self._arrived.popleft()
             try:
-                self.heard(frame.cob_id, frame.data, now)
+                self.receive(frame.cob_id, frame.data, now)
             except BusError as error:  # from what a transfer sends next
                 self.failure = error
-            self._wake()  # after each frame: the next one may undo what somebody waits for
+            self._wake()  # after each frame, as the next one may undo the awaited condition
 
     def _failed(self, why: BusError) -> None:
         def fail() -> None:

@@ -1,8 +1,8 @@
-"""How a motion ends: frames that stop an axis of CiA 402 again and again, until it is seen to stand.
+"""Ends motions: repeats the frames that stop an axis of CiA 402 until it is seen to stand.
 
 Rule of this file: no clock and no bus. Frames and the time in seconds go in, frames come out. Nothing in here waits for
 another request: a stop is written without a read before it, past whatever else is asked of the drive, and is repeated
-whether or not it was answered. Whoever has the bus calls `due` at the time `next`, and `hear` with every frame.
+whether or not it was answered. Whoever has the bus calls `due` at the time `next`, and `receive` with every frame.
 
 Theory of operation. A stop is a ladder (`LADDERS`): halt, then quick stop, then disable voltage and NMT stop, each
 after a time without evidence that the axis stands. The evidence is what the drive answers after it has confirmed a
@@ -32,34 +32,34 @@ from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import ClientCommand, Initiate, ServerCommand
 
 REPEAT = 0.08
-"""Time between two stops of an axis that is not known to stand, in s."""
+"""Interval between two stops of an axis that may still move, in s."""
 
 ANSWER = 0.025
-"""Time after which the answer to a request of a stop counts as lost, and another one is asked, in s."""
+"""Timeout of an answer during a stop, in s."""
 
 STEADY = 0.05
-"""How long the velocity has to be 0 before an axis counts as standing, in s."""
+"""Minimum time of velocity 0 before an axis counts as standing, in s."""
 
 UNMOVED = 0.2
-"""How long the position has to stay, for an axis without a velocity, in s."""
+"""Minimum time without a change of position, for an axis without a velocity, in s."""
 
 NOISE = 2
-"""Units by which the position of an axis that stands may change."""
+"""Maximum change of position of a standing axis, in its units."""
 
 BEGINS = 0.4
-"""How long a drive has to say that a motion has ended before it counts as ended, in s: it may not have begun."""
+"""Minimum time that a drive must report the end of a motion, in s, as the motion may not have begun."""
 
 LAST_STEP = 1.0
-"""When a stop without effect becomes disable voltage and NMT stop, in s after its start."""
+"""Time after which a stop without effect becomes disable voltage and NMT stop, in s."""
 
 MOST_ASKED = 32
-"""Most requests whose answers may still come late."""
+"""Maximum number of requests whose late answers still count."""
 
 GIVE_UP = 2.0
-"""When a program that has to end, or a call, gives up a stop without effect, in s after its start."""
+"""Time after which a call, or a program that has to end, abandons a stop without effect, in s."""
 
 SLOW = 0.5
-"""Time between two stops after that, in s."""
+"""Interval between two stops after `GIVE_UP`, in s."""
 
 INTEGER8, INTEGER16, INTEGER32 = (DATA_TYPES[number] for number in (0x02, 0x03, 0x04))
 
@@ -72,10 +72,10 @@ TYPES: Mapping[int, DataType] = {
     **dict.fromkeys((cia402.TARGET_VL_VELOCITY, cia402.VL_VELOCITY), INTEGER16),
     cia402.PROFILE_VELOCITY: UNSIGNED32,
 }
-"""The data types that CiA 402 gives the objects, for a drive without a file."""
+"""Data types of the objects in CiA 402, for a drive without a file."""
 
 RESTING = (cia402.TARGET_VELOCITY, cia402.TARGET_VL_VELOCITY, cia402.TARGET_TORQUE)
-"""Targets that are 0 at rest, in every mode of operation."""
+"""Targets that are 0 at rest in every mode of operation."""
 
 OFFSETS: Mapping[int | None, int] = {
     Mode.CYCLIC_VELOCITY: cia402.VELOCITY_OFFSET,
@@ -100,17 +100,17 @@ class AxisAddress(NamedTuple):
 
 
 class AxisObjects:
-    """The objects of an axis as single frames; without a file it has those that CiA 402 defines."""
+    """The objects of an axis as single frames; without a file, those that CiA 402 defines."""
 
     def __init__(self, address: AxisAddress, channel: SdoChannel, dictionary: Dictionary | None) -> None:
         self.address, self.channel, self._dictionary = address, channel, dictionary
 
     def has(self, index: int) -> bool:
-        """Return whether the file has an object of the axis, by its index on the first one; without a file it may."""
+        """Return whether the axis may have an object, by its index on the first axis."""
         return self._dictionary is None or self._dictionary.variable((index + self.address.offset, 0)) is not None
 
     def type_of(self, index: int) -> DataType:
-        """Return the data type of an object, as the file says, or else as CiA 402 does."""
+        """Return the data type of an object from the file, or else from CiA 402."""
         variable = self._dictionary.variable((index + self.address.offset, 0)) if self._dictionary else None
         return TYPES[index] if variable is None else data_type(variable)
 
@@ -125,7 +125,7 @@ class AxisObjects:
         return Frame(self.channel.requests, data)
 
     def answer(self, frame: Frame) -> AxisAnswer | None:
-        """Return what a frame answers about an object of the axis; None if it is no such answer."""
+        """Return the SDO answer in a frame about an object of the axis, None for other frames."""
         if frame.cob_id != self.channel.answers or len(frame.data) != wire.LENGTH:
             return None
         answer = Initiate.of(frame.data)
@@ -140,7 +140,7 @@ class AxisObjects:
 
 @dataclass(frozen=True)
 class AxisAnswer:
-    """An SDO answer: the object's index on the first axis, what kind it is, and the value that was read."""
+    """An SDO answer: the object's index on the first axis, its command, and the value read."""
 
     index: int
     command: ServerCommand | None
@@ -167,37 +167,42 @@ LADDERS: Mapping[StopKind, tuple[tuple[float, int], ...]] = {
     StopKind.QUICK_STOP: ((0.0, QUICK), (LAST_STEP, OFF)),
     StopKind.DISABLE: ((0.0, OFF),),
 }
-"""The controlword that is written from a time on, in s after the start of a stop."""
+"""Controlwords of a stop, each with the time in s from which it is written."""
 
 
 @dataclass(frozen=True)
 class AxisRequest:
-    """A request of a stop: the object's index on the first axis, and the value to write, None to read it."""
+    """A request of a stop: the object's index on the first axis, and the value to write, None to read."""
 
     index: int
     value: int | None = None
 
     @property
     def command(self) -> ServerCommand:
-        """The command of its answer."""
+        """Command of its answer."""
         return ServerCommand.UPLOAD if self.value is None else ServerCommand.DOWNLOAD
 
 
 class Held:
-    """How long something was so: `span` is the time between the first and the last look since it has been, in s."""
+    """Duration of a condition: `span` is the time between the first and the last time it was seen true, in s."""
 
     def __init__(self) -> None:
         self._since: float | None = None
         self.span = -inf
 
     def take(self, is_so: bool, now: float) -> None:
-        """Take in a look."""
-        self._since = (now if self._since is None else self._since) if is_so else None
-        self.span = -inf if self._since is None else now - self._since
+        """Update with the present value of the condition."""
+        if not is_so:
+            self._since = None
+            self.span = -inf
+            return
+        if self._since is None:
+            self._since = now
+        self.span = now - self._since
 
 
 class Evidence:
-    """What an axis has answered since it was told to stop."""
+    """Values that an axis has reported since it was told to stop."""
 
     def __init__(self) -> None:
         self.heard: float | None = None
@@ -208,25 +213,27 @@ class Evidence:
         self._still, self._unmoved, self._reached = Held(), Held(), Held()
 
     def take(self, index: int, value: int, now: float) -> None:
-        """Take in the value of an object."""
+        """Process the value of an object."""
         self.heard = now
         if index == cia402.STATUSWORD:
-            self.word, self.state = value, State.of(value)
+            self.word = value
+            self.state = State.of(value)
             self._reached.take(self.is_without_torque or bool(value & cia402.TARGET_REACHED), now)
         elif index in (cia402.VELOCITY, cia402.VL_VELOCITY):
             self.velocity = value
             self._still.take(value == 0, now)
         elif index == cia402.POSITION:
             if self.position is None or abs(value - self.position) > NOISE:
-                self._unmoved, self.position = Held(), value
+                self._unmoved = Held()
+                self.position = value
             self._unmoved.take(True, now)
 
     @property
     def stands(self) -> bool:
-        """Whether the axis stood when it was last heard: its velocity was 0, or its position did not change."""
+        """Whether the axis stood when last heard: its velocity was 0, or its position did not change."""
         if self._still.span >= STEADY:
             return True
-        # Some drives show a few units of velocity where they stand: halted, they say "target reached" then.
+        # Some standing drives show a few units of velocity, but also "target reached" when halted.
         is_quiet = self._reached.span >= UNMOVED
         if self.position is not None and (self.velocity is None or is_quiet):
             return self._unmoved.span >= UNMOVED
@@ -234,11 +241,11 @@ class Evidence:
 
     @property
     def is_without_torque(self) -> bool:
-        """Whether the drive says that its motor has no torque."""
+        """Whether the drive reports a state without torque."""
         return self.state is not None and self.state not in cia402.POWERED
 
     def text(self, now: float) -> str:
-        """Describe what was heard last, and when."""
+        """Return the last reported values, and their age."""
         if self.heard is None:
             return "nothing was heard of it since: whether it stands is not known"
         values = {"velocity": self.velocity, "position": self.position}
@@ -247,7 +254,7 @@ class Evidence:
 
 
 class AxisStop:
-    """One axis that is being stopped; `done` once it stands, with its targets at rest.
+    """A stop of one axis; `done` once it stands with its targets at rest.
 
     `controlword` is the one that was last sent to it, None if that is not known: a halt is then a quick stop, which
     needs to know nothing. `refused` are targets that the drive did not let write.
@@ -259,55 +266,59 @@ class AxisStop:
         is_enabled = controlword is not None and cia402.command_of(controlword) is DriveCommand.ENABLE
         self.axis, self.since = axis, now
         self.kind = StopKind.QUICK_STOP if kind is StopKind.HALT and not is_enabled else kind
-        self.evidence, self.refused = Evidence(), set[int]()
-        self.done, self.next, self._again = False, now, now
+        self.evidence = Evidence()
+        self.refused = set[int]()
+        self.done = False
+        self.next = now
+        self._again = now
         self.word = LADDERS[self.kind][0][1]
         self._confirmed = self._is_stopped_by_nmt = self._follows = False
         self._asked: list[AxisRequest] = []
-        """Requests without an answer; one that comes late still counts."""
+        """Requests that wait for an answer, even a late one."""
         self._last: AxisRequest | None = None
         self._left = 0
         writes = [AxisRequest(each, 0) for each in RESTING if axis.has(each)]
         reads = [AxisRequest(each) for each in (cia402.STATUSWORD, cia402.VELOCITY, cia402.POSITION) if axis.has(each)]
-        # Once: which further targets would move the axis is said by its mode.
+        # Read once: the mode determines which further targets would move the axis.
         mode = [AxisRequest(cia402.MODE_DISPLAY)] if axis.has(cia402.MODE_DISPLAY) else []
         self._open = deque([*mode, *writes, *reads])
 
     # Time and frames
 
     def due(self, now: float) -> list[Frame]:
-        """Return the frames of this time: the controlword; further requests follow as they are answered."""
+        """Return the frames that are due: the controlword first, then further requests."""
         if self.done or now < self.next:
             return []
-        if self._last is not None:  # its answer is late or lost: the others get their turn first
+        if self._last is not None:  # without an answer so far: other requests come first
             self._put_back(self._last)
         if now < self._again:
             frames = self._go_on()
             self.next = min(self._again, now + ANSWER) if frames else self._again
             return frames
         self._again = now + (REPEAT if now - self.since < GIVE_UP else SLOW)
-        self.next, self._left = min(self._again, now + ANSWER), len(self._open)
-        if not self.evidence.stands:  # one that stands keeps the torque that it has
+        self.next = min(self._again, now + ANSWER)
+        self._left = len(self._open)
+        if not self.evidence.stands:  # a standing axis keeps its torque
             self.word = [word for after, word in LADDERS[self.kind] if now - self.since >= after][-1]
         return [*self._commanding(), *self._nmt(now)]
 
     def _commanding(self) -> list[Frame]:
-        # A drive without torque is not commanded any more: "enable operation" with halt could take it out of Ready.
+        # A drive without torque gets no more commands: "enable operation" with halt could take it out of Ready.
         if self._confirmed and self.word == HALTED and self.evidence.is_without_torque:
             return self._go_on()
         self._ask(AxisRequest(cia402.CONTROLWORD, self.word))
         return [self.axis.writing(cia402.CONTROLWORD, self.word)]
 
     def _nmt(self, now: float) -> list[Frame]:
-        """Return NMT stop for an axis that may have torque; one period late, so that the controlword is heard."""
+        """Return NMT stop for an axis that may have torque, one period late so that the controlword comes first."""
         is_last = LAST_STEP + REPEAT <= now - self.since < GIVE_UP
         if not is_last or self.evidence.is_without_torque or self.evidence.stands:
             return []
         self._is_stopped_by_nmt = True
         return [Frame(NMT_COB_ID, bytes([NmtCommand.STOP, self.axis.address.node_id]))]
 
-    def hear(self, frame: Frame, now: float) -> list[Frame] | None:
-        """Take in a frame and return the next requests; None if it does not answer a request of this stop."""
+    def receive(self, frame: Frame, now: float) -> list[Frame] | None:
+        """Process a frame and return the next requests; None if it does not answer this stop."""
         answer = self.axis.answer(frame)
         if self.done or answer is None:
             return None
@@ -317,9 +328,10 @@ class AxisStop:
         if request is None:
             return None
         self._asked.remove(request)
-        is_last, self._last = request == self._last, None if request == self._last else self._last
+        is_last = request == self._last
+        self._last = None if request == self._last else self._last
         self._take(request, answer)
-        if now - self.since >= GIVE_UP:  # it was told often enough
+        if now - self.since >= GIVE_UP:  # remaining writes count as refused
             self.refused |= {each.index for each in self._open if each.value is not None}
             self._open = deque(each for each in self._open if each.value is None and each.index != cia402.MODE_DISPLAY)
         stands = self._confirmed and not self._unwritten and self.evidence.stands
@@ -378,11 +390,11 @@ class AxisStop:
     # In words
 
     def has_failed(self, now: float) -> bool:
-        """Return whether halt and quick stop have had no effect that was seen."""
+        """Return whether halt and quick stop had no visible effect."""
         return not self.done and now - self.since >= LAST_STEP
 
     def text(self, now: float) -> str:
-        """Describe what was sent, and what is known."""
+        """Return what was sent and what is known, as text."""
         ways = {HALTED: "halt", QUICK: "quick stop", OFF: "disable voltage"}
         words = [ways[word] for after, word in LADDERS[self.kind] if now - self.since >= after]
         sent = [*words, *(["NMT stop"] if self._is_stopped_by_nmt else [])]
@@ -391,7 +403,7 @@ class AxisStop:
 
 
 class NodeStop:
-    """One node that is stopped by NMT, again and again until its heartbeat says so."""
+    """A stop of one node by NMT, repeated until its heartbeat reports STOPPED."""
 
     def __init__(self, node_id: int, now: float) -> None:
         self.node_id, self.since, self.next = node_id, now, now
@@ -399,54 +411,58 @@ class NodeStop:
         self.done = False
 
     def due(self, now: float) -> list[Frame]:
-        """Return the command of this time; none after `GIVE_UP` seconds."""
+        """Return the command if it is due; none after `GIVE_UP` seconds."""
         if self.done or now < self.next:
             return []
         self.next = now + REPEAT if now - self.since < GIVE_UP else inf
         return [Frame(NMT_COB_ID, bytes([NmtCommand.STOP, self.node_id]))]
 
-    def hear(self, frame: Frame, _: float) -> None:
-        """Take in a frame, which may be the node's heartbeat."""
+    def receive(self, frame: Frame, _: float) -> None:
+        """Process a frame, which may be the node's heartbeat."""
         if frame.cob_id == ERROR_CONTROL_BASE + self.node_id and len(frame.data) == 1:
             said = frame.data[0] & 0x7F
             self.state = NmtState(said) if said in set(NmtState) else None
             self.done = self.state is NmtState.STOPPED
 
     def has_failed(self, now: float) -> bool:
-        """Return whether it has not confirmed within the time."""
+        """Return whether the node has not confirmed in time."""
         return not self.done and now - self.since >= GIVE_UP
 
     def text(self, now: float) -> str:
-        """Describe what is known."""
+        """Return what is known, as text."""
         if self.state is None:
             return f"NMT stop sent for {now - self.since:.1f} s; it has sent no heartbeat since: not confirmed"
         return f"NMT stop sent for {now - self.since:.1f} s; its heartbeat says {STATE_NAMES[self.state]}"
 
 
 class MotionEnd:
-    """Watches a motion that ends by itself, a move or a homing, until the drive says that it has ended."""
+    """Watches a move or a homing until the drive reports its end."""
 
     def __init__(self, axis: AxisObjects, now: float, homing: bool) -> None:
-        self._axis, self._homing, self.next, self.done = axis, homing, now + REPEAT, False
+        self._axis = axis
+        self._homing = homing
+        self.next = now + REPEAT
+        self.done = False
         self._ended = Held()
 
     def due(self, now: float) -> list[Frame]:
-        """Return the read of the statusword, at its times."""
+        """Return the read of the statusword if it is due."""
         if self.done or now < self.next:
             return []
         self.next = now + REPEAT
         return [self._axis.reading(cia402.STATUSWORD)]
 
-    def hear(self, frame: Frame, now: float) -> bool:
-        """Take in a frame; return whether it answers a read of the statusword."""
+    def receive(self, frame: Frame, now: float) -> bool:
+        """Process a frame; return whether it answers a read of the statusword."""
         answer = self._axis.answer(frame)
         if answer is None or answer.index != cia402.STATUSWORD or answer.value is None:
             return False
-        word, reached = answer.value, bool(answer.value & cia402.TARGET_REACHED)
+        word = answer.value
+        reached = bool(answer.value & cia402.TARGET_REACHED)
         is_there = reached and not word & cia402.BIT_12
         # Of a homing bit 12 says "attained", bit 13 "error" (CiA 402-2, clause 11).
         has_homed = reached and bool(word & (cia402.BIT_12 | cia402.BIT_13))
-        # For a while: until a drive begins to move, its bits may still be about the motion before.
+        # For a minimum time, as until a drive moves, its bits may belong to the motion before.
         self._ended.take(has_homed if self._homing else is_there, now)
         self.done = State.of(word) is not State.ENABLED or self._ended.span >= BEGINS
         return True

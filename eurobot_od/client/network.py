@@ -1,4 +1,4 @@
-"""A CANopen network as a program sees it: `Network` for programs that block, `AsyncNetwork` for event loops.
+"""CANopen networks for programs: `Network` blocks, `AsyncNetwork` is for event loops.
 
 Theory of operation. Both are faces of one master (`master`, `masters`), and what they do is written once, as
 procedures. A `Network` on a bus reads on a thread of its own, so that states, emergency messages and PDOs are there
@@ -46,13 +46,13 @@ from eurobot_od.od.standard import LssState
 from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
-"""An interface by python-can's name, an open bus, or somebody else's network, whose bus is shared."""
+"""Name of a python-can interface, an open bus, or a connected canopen network whose bus is shared."""
 
 Channel: TypeAlias = "str | int | None"
 """A channel by python-can's name or number."""
 
 Callback: TypeAlias = Callable[[int, bytes, float], object]
-"""Called with COB-ID, data, and time in seconds."""
+"""Function called with the COB-ID, data and time (in s) of a frame."""
 
 SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
 """A simulated device, or an EDS or DCF from which it runs."""
@@ -63,17 +63,18 @@ LSS_WAIT = lss.ANSWER_WAIT
 
 
 def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
-    """Open a bus by its interface, or share one that is open; raises BusError, LocalError."""
+    """Open a bus by its interface, or share an open one; raises BusError, LocalError."""
     if bus is None or isinstance(bus, str):
         return OwnFeed(partial(open_bus, bus, channel, bitrate))
     return feed_of(bus)
 
 
 class NodeWatcher(EndlessIterator[NodeEvent]):
-    """An endless iterator over what happens to nodes."""
+    """An endless iterator over events of nodes."""
 
     def __init__(self, master: Master, node_ids: Sequence[int], within: float, guard: float | None) -> None:
-        self._master, self._events = master, deque[NodeEvent]()
+        self._master = master
+        self._events = deque[NodeEvent]()
         guarded = dict.fromkeys(node_ids, guard) if guard else {}
         periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until two heartbeats have shown its period
         self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
@@ -92,7 +93,7 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
 
 
 class NetworkOfDevices(Generic[AnyDevice]):
-    """The common part of both kinds of networks; nothing in here waits.
+    """Base class of both networks; nothing in here waits.
 
     `library` describes nodes that are added without a file; it is that of the environment, if it names one.
     """
@@ -108,7 +109,7 @@ class NetworkOfDevices(Generic[AnyDevice]):
     @classmethod
     @abstractmethod
     def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
-        """Make a network of a feed, which it opens."""
+        """Create a network on a feed, which it opens."""
 
     @classmethod
     def open(
@@ -146,13 +147,13 @@ class NetworkOfDevices(Generic[AnyDevice]):
 
     def _begin(self, master: Master) -> None:
         self.master = master
-        master.observers = (*master.observers, self._hear)
+        master.observers = (*master.observers, self._receive)
         for device in self:
             device.join(master)
 
-    def _hear(self, cob_id: int, data: bytes, now: float) -> None:
+    def _receive(self, cob_id: int, data: bytes, now: float) -> None:
         for device in self._devices.values():
-            device.hear(cob_id, data, now)
+            device.receive(cob_id, data, now)
 
     def add(self, node_id: int, file: DeviceFile = None, name: str = "") -> AnyDevice:
         """Add a device by its node-ID (1..127) and its EDS or DCF, and return it; nothing is sent.
@@ -165,7 +166,7 @@ class NetworkOfDevices(Generic[AnyDevice]):
     def _added(self, device: AnyDevice) -> AnyDevice:
         if self.master is not UNCONNECTED:
             device.join(self.master)
-        # Replaced as a whole: the reader may be iterating over it.
+        # Replaced as a whole, as the reader may be iterating over it.
         self._devices = {**self._devices, device.node_id: device}
         return device
 
@@ -187,12 +188,12 @@ class NetworkOfDevices(Generic[AnyDevice]):
         return f"<{type(self).__name__} of {nodes or 'no nodes yet'}>"
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what IPython completes after `network["`: the names of the nodes."""
+        """Return the names of the nodes, for completion of `network["` in IPython."""
         return [each.name for each in self]
 
     @property
     def dictionaries(self) -> tuple[Dictionary, ...]:
-        """The dictionaries of the devices that have one."""
+        """Dictionaries of the devices that have one."""
         return tuple(each.dictionary for each in self if each.dictionary is not None)
 
     def send(self, cob_id: int, data: bytes = b"") -> None:
@@ -205,7 +206,7 @@ class NetworkOfDevices(Generic[AnyDevice]):
         return self._sync
 
     def watch(self, *node_ids: int, within: float = LOST_AFTER, guard: float | None = None) -> NodeWatcher:
-        """Return an endless iterator over what happens to nodes: who was found, has booted, is lost or back.
+        """Return an endless iterator over events of nodes: found, booted, lost, back.
 
         The named nodes are lost if they are not heard `within` that many seconds. Every node that is heard is watched
         by the period of its heartbeats, and lost after two periods of silence. `guard` is the period in seconds at
@@ -214,12 +215,12 @@ class NetworkOfDevices(Generic[AnyDevice]):
         return NodeWatcher(self.master, node_ids, within, guard)
 
     async def _scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
-        """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
+        """Return the nodes that answer SDO or send a heartbeat within `listen` seconds, by node-ID."""
         return await scan.steps(self.master, node_ids, listen=listen)
 
 
 class NetworkSync:
-    """The SYNC of a network: call it, or `start` and `stop` it as users of canopen do."""
+    """SYNC of a network: call it, or use `start` and `stop` as in canopen."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
         self._network = network
@@ -239,7 +240,7 @@ class NetworkSync:
         self._task = self(period)
 
     def stop(self) -> None:
-        """End what `start` has begun."""
+        """Stop the SYNC of `start`."""
         if self._task is not None:
             self._task.stop()
 
@@ -255,7 +256,7 @@ class NetworkNmt:
         self._network = network
 
     def command(self, command: NmtCommand) -> None:
-        """Send a command to all nodes; earlier heartbeats no longer count."""
+        """Send a command to all nodes; it invalidates earlier heartbeats."""
         master = self._network.master
         with master.guard:
             master.states.clear()
@@ -286,13 +287,13 @@ class NetworkNmt:
 
 
 class LssOfNetwork:
-    """The common part of the layer setting services of both kinds of networks."""
+    """Base class of the layer setting services of both networks."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
         self._network = network
 
     async def _find(self, wait: float = LSS_WAIT) -> list[Identity]:
-        """Return the devices without a node-ID, with about 130 requests for each. Raises BusError."""
+        """Return the devices without a node-ID, after about 130 requests for each. Raises BusError."""
         return await self._perform(lss.find_all(), wait)
 
     async def _assign(
@@ -304,7 +305,7 @@ class LssOfNetwork:
         store: bool = True,
         wait: float = LSS_WAIT,
     ) -> Identity | None:
-        """Give the device with an identity, or the first that has none, a node-ID, and a bit rate in kbit/s.
+        """Assign a node-ID, and a bit rate in kbit/s, to the device with an identity (None: the first without one).
 
         Returns the identity of that device. Raises RemoteError if there is none or if it refuses; NoAnswer, LocalError,
         BusError.
@@ -315,7 +316,7 @@ class LssOfNetwork:
         try:
             return await lss.perform.steps(self._network.master, steps, wait)
         finally:
-            # A device left in configuration state would obey the next command, whoever that is meant for.
+            # A device left in configuration state would obey commands for others.
             await lss.perform.steps(self._network.master, lss.switch(LssState.WAITING))
 
 
@@ -332,11 +333,11 @@ class NetworkLss(LssOfNetwork):
         return lss.perform(self._network.master, steps)
 
     def send_switch_state_global(self, mode: int) -> None:
-        """Put all devices into `WAITING_STATE` or `CONFIGURATION_STATE`; they do not answer."""
+        """Switch all devices to `WAITING_STATE` or `CONFIGURATION_STATE`; they do not answer."""
         self._one(lss.switch(LssState(mode)))
 
     def send_switch_state_selective(self, *identity: int) -> bool:
-        """Put the device with an identity (its four numbers) into configuration state; return whether there is one."""
+        """Switch the device with an identity (four numbers) to configuration state; return whether it exists."""
         return self._one(lss.select(Identity(*identity)))
 
     def fast_scan(self) -> tuple[bool, Identity | None]:
@@ -349,16 +350,16 @@ class NetworkLss(LssOfNetwork):
         return self._one(lss.inquire_node_id())
 
     def configure_node_id(self, new_node_id: int) -> None:
-        """Give the device that is being configured a node-ID; raises RemoteError if it refuses, NoAnswer."""
+        """Set the node-ID of the device being configured; raises RemoteError if it refuses, NoAnswer."""
         self._one(lss.configure_node_id(new_node_id))
 
     def store_configuration(self) -> None:
-        """Have it store its node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
+        """Make the device store its node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
         self._one(lss.store())
 
 
 class NodeScanner:
-    """The nodes that were heard or that `search` has found; see `Network.scan`, which also says what they are."""
+    """Nodes that were heard or that `search` found; `Network.scan` also returns their identities."""
 
     def __init__(self, network: Network) -> None:
         self._network = network
@@ -370,11 +371,11 @@ class NodeScanner:
         return sorted({*self._found, *self._network.master.states})
 
     def search(self, limit: int = NODE_IDS[-1]) -> None:
-        """Look for the nodes 1 to `limit`, which takes about two seconds; raises BusError."""
+        """Search the nodes 1 to `limit`, which takes about two seconds; raises BusError."""
         self._found = {each.node_id for each in self._network.scan(range(1, limit + 1))}
 
     def reset(self) -> None:
-        """Forget what was found; nodes with heartbeats are heard again."""
+        """Forget all found nodes; those with heartbeats are found again."""
         self._found = set()
         self._network.master.states.clear()
 
@@ -430,7 +431,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         return describe(node_id, read_numbers(self.master.node(node_id)))
 
     def close(self) -> None:
-        """Stop what is sent periodically, the threads, and the bus unless it is somebody else's."""
+        """Stop periodic frames and threads, and close the bus unless it is shared."""
         if self.master is not UNCONNECTED:
             self.master.close()
 
@@ -441,7 +442,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         self.close()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass, while states, emergency messages and PDOs come in; raises BusError if the bus is lost."""
+        """Wait while states, emergency messages and PDOs come in; raises BusError if the bus is lost."""
         self.master.pump(seconds)
 
     scan = blocking(NetworkOfDevices._scan)
@@ -451,7 +452,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
     def connect(
         self, channel: Channel = None, interface: BusName = None, bitrate: int | None = None, bustype: BusName = None
     ) -> Self:
-        """Open a bus for a network that was made without one: `open`, with the arguments of canopen.
+        """Open the bus of a network that was created without one, with the arguments of canopen.
 
         `bustype` is the name that `interface` had before python-can 4.2.
         """
@@ -461,7 +462,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
     disconnect = close
 
     def check(self) -> None:
-        """Raise BusError if the bus is lost."""
+        """Check that the bus is not lost; raises BusError."""
         if self.master.failure is not None:
             raise self.master.failure
 
@@ -502,7 +503,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         return self.add(node, object_dictionary)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """`send`, or ask for a frame by a remote frame."""
+        """Send a frame, or a remote frame if `remote`."""
         self.master.request(can_id) if remote else self.send(can_id, bytes(data))
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicTask:
@@ -510,16 +511,16 @@ class Network(NetworkOfDevices[RemoteDevice]):
         return PeriodicTask(self.master, [Frame(can_id, bytes(data or b""))], period, remote)
 
     def subscribe(self, can_id: int, callback: Callback) -> None:
-        """Have a function called with the COB-ID, data and time of each frame of an identifier, as `on` does."""
+        """Call a function with the COB-ID, data and time of each frame of an identifier."""
         self._subscribers.setdefault(can_id, []).append(callback)
 
     def unsubscribe(self, can_id: int, callback: Callback | None = None) -> None:
-        """Stop calling a function, or all of an identifier."""
+        """Stop calling a function, or all functions of an identifier."""
         kept = [each for each in self._subscribers.pop(can_id, []) if callback not in (None, each)]
         self._subscribers |= {can_id: kept} if kept else {}
 
-    def _hear(self, cob_id: int, data: bytes, now: float) -> None:
-        super()._hear(cob_id, data, now)
+    def _receive(self, cob_id: int, data: bytes, now: float) -> None:
+        super()._receive(cob_id, data, now)
         for callback in self._subscribers.get(cob_id, ()):
             self.master.call(partial(callback, cob_id, data, now))
 
@@ -555,7 +556,7 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         self.close()
 
     def close(self) -> None:
-        """Stop what is sent periodically, the reading, and the bus unless it is somebody else's."""
+        """Stop periodic frames and the reading, and close the bus unless it is shared."""
         self.master.close()
 
     scan = NetworkOfDevices._scan
@@ -575,7 +576,7 @@ class SimulatedNetwork(Network):
         super().__init__(Master(SimulatedBus(self.simulation), clock=lambda: self.simulation.now))
 
     def simulate(self, device: SimulatedFile, node_id: int | None = None, **options: Any) -> RemoteDevice:
-        """Attach a device, which may be just its EDS or DCF, and add it; it has booted when this returns.
+        """Attach a device, or one made from an EDS or DCF, and add it; it has booted on return.
 
         `options` are those of SimulatedDevice: `given` values, `waveforms`.
         """
@@ -591,7 +592,7 @@ class SimulatedNetwork(Network):
 
 
 BOOT_TIME = 0.05
-"""Simulated seconds that a device has to boot."""
+"""Time for a device to boot, in simulated s."""
 
 
 @contextmanager
@@ -620,20 +621,20 @@ def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: An
 RemoteNode, SdoAbortedError, SdoCommunicationError = RemoteDevice, NodeRefused, NoAnswer
 
 COMMANDED = {each.words.upper(): each for each in State} | {"DISABLE VOLTAGE": State.DISABLED}
-"""The states by the words of canopen, which also has a command among them."""
+"""States by their names in canopen, one of which is a command."""
 
 MODES = {words.upper().replace("PROFILE ", "PROFILED "): Mode(mode) for mode, words in MODE_WORDS.items()}
-"""The modes of operation by the words of canopen."""
+"""Modes of operation by their names in canopen."""
 
 HOMING_WAIT = 30.0
-"""Seconds that `homing` takes at most by default."""
+"""Default timeout of `homing`, in s."""
 
 
 class BaseNode402(RemoteDevice):
-    """A drive on a `Network`, with what canopen's class of this name has; `drive402` has the same with more checks."""
+    """A drive on a `Network`, with the interface of canopen's class; `drive402` has more checks."""
 
     def setup_402_state_machine(self, read_pdos: bool = True) -> None:
-        """Ask the node how its PDOs are mapped now, unless not `read_pdos`; nothing else is needed."""
+        """Read the node's PDO mapping if `read_pdos`; nothing else is needed."""
         self.pdo.read(from_od=not read_pdos)
 
     @property
@@ -680,20 +681,20 @@ class BaseNode402(RemoteDevice):
         self.drive402.choose(look_up("mode of operation", words, MODES))
 
     def is_op_mode_supported(self, words: str) -> bool:
-        """Return whether the drive says that it has a mode (0x6502)."""
+        """Return whether the drive reports a mode as supported (0x6502)."""
         return MODES.get(words) in cia402.supported(self[cia402.SUPPORTED_MODES].read(int))
 
     def is_faulted(self) -> bool:
-        """Return whether it has a fault."""
+        """Return whether the drive is in the state Fault."""
         return self.drive402.state is State.FAULT
 
     def reset_from_fault(self) -> None:
-        """Reset its fault, and enable it."""
+        """Reset the fault and enable the drive."""
         self.drive402.fault_reset()
         self.drive402.enable()
 
     def homing(self, timeout: float = HOMING_WAIT) -> bool:
-        """Enable and home it by the method that is set; return whether it has found home."""
+        """Enable the drive and home it by the set method; return whether it found home."""
         try:
             self.drive402.home(within=timeout)
         except DriveError:

@@ -1,4 +1,4 @@
-"""Downloads a program into a node: look, stop, clear, write, verify, start, and see that it runs (CiA 302-3).
+"""Downloads a program into a node (CiA 302-3): check, stop, clear, write, verify, start, check that it runs.
 
 Rule of this file: nothing is written until everything that can be known by reading is right. A step that fails ends the
 download, and its error says in which state the node was left, and how to go on.
@@ -42,7 +42,7 @@ class ProgramControl(IntEnum):
 
 
 IN_PROGRESS = 0x01
-"""Bit of the flash status: it is busy. The seven bits above it are the error of its last operation."""
+"""Busy bit of the flash status; the seven bits above it are the error of the last operation."""
 
 NO_ERROR, NO_PROGRAM = 0, 1
 FLASH_ERRORS: Mapping[int, str] = {
@@ -57,16 +57,16 @@ FLASH_ERRORS: Mapping[int, str] = {
 }
 
 FLASH_WAIT = 30.0
-"""Seconds that a node has to erase or write its flash memory, or to restart."""
+"""Timeout for erasing or writing flash memory, or for a restart, in s."""
 
 POLL = 0.1
-"""Seconds between two reads of the flash status."""
+"""Interval between two reads of the flash status, in s."""
 
 ABSENT = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
 
 
 class DownloadProcedure(NamedTuple):
-    """How a maker's device takes a program, where it differs from CiA 302-3.
+    """Differences of a maker's program download from CiA 302-3.
 
     `unlock` are writes before everything else, in their order. The program goes in parts of at most `part` bytes (0: in
     one transfer); after each of them the object `ready_at` has to become `ready`. `crc` is what 0x1F56 says of it.
@@ -81,7 +81,7 @@ class DownloadProcedure(NamedTuple):
     objection: Callable[[bytes], str] = lambda _: ""
 
     def parts(self, content: bytes) -> list[bytes]:
-        """Return a program in the parts in which it is sent."""
+        """Return a program split into the parts that are sent."""
         size = self.part or len(content) or 1
         return [content[start : start + size] for start in range(0, len(content), size)]
 
@@ -90,14 +90,14 @@ STANDARD = DownloadProcedure()
 
 
 class Loaded(NamedTuple):
-    """What was downloaded: its `size` in bytes, and the CRC by which the node identifies it (empty if it does not)."""
+    """Result of a download: its `size` in bytes, and the kind of CRC that verified it (empty without one)."""
 
     size: int
     crc: str
 
     @property
     def text(self) -> str:
-        """What was done, in words."""
+        """Result as text."""
         verified = f"verified by {self.crc}" if self.crc else "not verified by a CRC"
         return f"{amount(self.size, 'byte')} written, {verified}, started"
 
@@ -119,15 +119,14 @@ async def load(
     """
     memory = ProgramMemory(node, program)
     start = f"`write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d}` starts it"
-    # Each phase says what it leaves behind: between CLEAR and the end of the download a device has no program, and only
-    # its loader answers.
+    # Each phase names the state it leaves: between CLEAR and the end of the download, only the loader answers.
     with _left(node, "its program is as it was"):
         state = await memory.look(content, dictionary)
     with _left(node, f"its program may be stopped; {start} again"):
         for address, data in procedure.unlock:
             await node.download.steps(address, data, "unlock")
-        if state != ProgramControl.STOP:  # a node that is already in its loader may refuse to be stopped
-            with suppress(NoAnswer):  # and one that goes to its loader need not confirm
+        if state != ProgramControl.STOP:  # a node in its loader may refuse the stop
+            with suppress(NoAnswer):  # a node that enters its loader need not confirm
                 await memory.control(ProgramControl.STOP)
         await memory.wait()
     may_be_there = f"its program is stopped and may be cleared: download it again, or, if it is still there, {start}"
@@ -142,23 +141,23 @@ async def load(
     with _left(node, f"the program is written and not started: download it again, or {start} as it is"):
         crc = await memory.identify(content, procedure) if check_crc else ""
     with _left(node, f"the program is written and does not run; {start}, or download it again"):
-        with suppress(NoAnswer):  # nor need one that leaves its loader
+        with suppress(NoAnswer):  # a node that leaves its loader need not confirm
             await memory.control(ProgramControl.START)
         await memory.wait(NO_ERROR)
-        # it need not have the object
+        # the object is optional
         if await memory.read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
             raise ProgramError(f"{memory.where(PROGRAM_CONTROL)} says: stopped")
     return Loaded(len(content), crc)
 
 
 class ProgramMemory:
-    """The program control objects of one program of a node; every method raises RemoteError and BusError."""
+    """Program control objects of one program of a node; every method raises RemoteError and BusError."""
 
     def __init__(self, node: RemoteNode, program: int) -> None:
         self._node, self._program = node, program
 
     async def look(self, content: bytes, dictionary: Dictionary | None) -> int:
-        """Return the state of program control; raises ProgramError if the content cannot be downloaded."""
+        """Return the state of program control, after checks; raises ProgramError if a download is impossible."""
         if len(content) > LARGEST:
             raise ProgramError(f"the file has {len(content)} bytes; a program has at most {LARGEST}")
         if dictionary is not None:
@@ -168,12 +167,12 @@ class ProgramMemory:
         try:
             return await self.read(PROGRAM_CONTROL)
         except NodeRefused as error:
-            if error.code == AbortCode.WRITE_ONLY:  # a program that answers at all has been started
+            if error.code == AbortCode.WRITE_ONLY:  # a program that answers is running
                 return ProgramControl.START
             raise
 
     async def _check_number(self, index: int) -> None:
-        """Raise ProgramError if the node has fewer programs; not every node tells how many it has."""
+        """Check that the node has the program, if it reports a number of programs; raises ProgramError."""
         try:
             number = int.from_bytes(await self._node.upload.steps((index, 0), NAMES[index]), "little")
         except NodeRefused as error:
@@ -185,7 +184,7 @@ class ProgramMemory:
                 raise ProgramError(f"{has}: there is no program {self._program}")
 
     async def _check_file(self, dictionary: Dictionary) -> None:
-        """Raise ProgramError if the node is not the device of a file, or the file has no such program."""
+        """Check that the file describes the node and has the program; raises ProgramError."""
         other = Identity.of(dictionary).difference(await read_identity.steps(self._node))
         if other is not None:
             raise ProgramError(f"{dictionary.file} is for another device: node {self._node.node_id} has {other}")
@@ -199,12 +198,12 @@ class ProgramMemory:
         return int.from_bytes(await self._node.upload.steps((index, self._program), NAMES[index]), "little")
 
     async def control(self, command: ProgramControl, wait: float | None = None) -> None:
-        """Tell the node what to do with its program."""
+        """Send a program control command."""
         what = f"{NAMES[PROGRAM_CONTROL]} ({command.name})"
         await self._node.download.steps((PROGRAM_CONTROL, self._program), bytes([command]), what, wait)
 
     async def wait(self, *allowed: int) -> None:
-        """Wait until the flash memory is no longer busy; its error must be one of the `allowed`, if any are named."""
+        """Wait until the flash memory is not busy; its error must be one of `allowed`, if given."""
         clock = self._node.master.clock
         end = clock() + FLASH_WAIT
         while (status := await self._status()) & IN_PROGRESS:
@@ -219,7 +218,7 @@ class ProgramMemory:
             raise ProgramError(f"{self.where(FLASH_STATUS)} says: {words}{maker}")
 
     async def ready(self, procedure: DownloadProcedure) -> None:
-        """Wait until the node is ready for what comes next, as its maker says; raises NoAnswer."""
+        """Wait until the node accepts the next part, as its maker defines it; raises NoAnswer."""
         if procedure.ready_at is None:
             return
         clock = self._node.master.clock
@@ -231,7 +230,7 @@ class ProgramMemory:
             await self._node.master.pump.steps(POLL)
 
     async def identify(self, content: bytes, procedure: DownloadProcedure = STANDARD) -> str:
-        """Return the CRC by which the node identifies a program, empty if it does not; raises ProgramError."""
+        """Return the kind of CRC by which the node identifies the program, empty without one; raises ProgramError."""
         found = await self.read_if_there(PROGRAM_IDENTIFICATION)
         known = {
             "CRC-32": crc32(content),
@@ -248,15 +247,15 @@ class ProgramMemory:
         raise ProgramError(f"{where} is 0x{found:X}, which is not a CRC of the file ({no_crc})")
 
     async def _status(self) -> int:
-        """Return the flash status: busy for a node that is silent, idle for one that has none."""
+        """Return the flash status: busy for a silent node, idle for one without the object."""
         try:
             return await self.read_if_there(FLASH_STATUS) or 0
         except NoAnswer:
-            # While it erases its flash memory, a small controller cannot run the code that would answer.
+            # A small controller cannot answer while it erases its flash memory.
             return IN_PROGRESS
 
     async def read_if_there(self, index: int) -> int | None:
-        """Return the number in an object that the node need not have."""
+        """Return the number in an optional object, None without the object."""
         try:
             return await self.read(index)
         except NodeRefused as error:
@@ -265,13 +264,13 @@ class ProgramMemory:
             raise
 
     def where(self, index: int) -> str:
-        """Return an object in words."""
+        """Return the label of an object."""
         return label((index, self._program), NAMES[index])
 
 
 @contextmanager
 def _left(node: RemoteNode, state: str) -> Iterator[None]:
-    """Add to an error the state in which the node was left."""
+    """Add the state in which the node was left to an error."""
     try:
         yield
     except (EurobotError, KeyboardInterrupt) as error:

@@ -1,4 +1,4 @@
-"""One node of a network by name: its objects, NMT state, emergency messages, PDOs, configuration, program.
+"""A node of a network: its objects by name, NMT state, emergency messages, PDOs, configuration, program.
 
 Objects are read and written by name, with their types, limits, units and words:
 
@@ -44,7 +44,7 @@ from eurobot_od.od.words import written
 from eurobot_od.support.progress import Progress, unwatched
 
 CobIdChoice: TypeAlias = Literal["keep", "move"] | None
-"""What becomes of the COB-IDs in another node's DCF that do not follow the node-ID; None refuses them."""
+"""Treatment of COB-IDs in another node's DCF that do not depend on the node-ID; None refuses them."""
 
 # Objects
 
@@ -53,15 +53,15 @@ ObjectKey: TypeAlias = "str | int | Address"
 """An object's name, a number as a person writes it, an index, or an index and sub-index."""
 
 Content: TypeAlias = bytes
-"""Bytes, under a name that no property has taken."""
+"""Alias of `bytes`, as a property hides that name in the class."""
 
 Wrote: TypeAlias = Callable[["ODVariable", bytes], object]
 
 
 class ObjectAtNode:
-    """The common part of the objects of both kinds of networks; nothing in here talks to the node."""
+    """Base class of the objects of both networks; nothing in here talks to the node."""
 
-    __slots__ = ("_node", "_variables", "_wrote")  # a slip of the pen, `object.valu = 5`, is an error
+    __slots__ = ("_node", "_variables", "_wrote")  # so that a typo (`object.valu = 5`) is an error
 
     def __init__(self, node: RemoteNode, variables: Sequence[ODVariable], wrote: Wrote) -> None:
         self._node, self._variables, self._wrote = node, variables, wrote
@@ -86,17 +86,17 @@ class ObjectAtNode:
 
     @property
     def unit(self) -> str:
-        """The unit, as the file, its maker or CiA 402 says it; empty without one."""
+        """Unit from the file, its maker or CiA 402; empty without one."""
         return scale_of(self.od).unit
 
     @property
     def limits(self) -> objects.Range | None:
-        """The least and the greatest `raw` value, by limits and type; None for anything but a number."""
+        """Lowest and highest `raw` value by limits and type; None for types other than numbers."""
         return objects.limits(self.od)
 
     @property
     def words(self) -> dict[int, str]:
-        """The meanings of its values: canopen's `value_descriptions`."""
+        """Names of values: canopen's `value_descriptions`."""
         words: dict[int, str] = self.od.value_descriptions
         return words
 
@@ -116,16 +116,16 @@ class ObjectAtNode:
     def __iter__(self) -> Iterator[Self]:
         return (type(self)(self._node, [each], self._wrote) for each in self._variables)
 
-    def _meant(self, raw: Value) -> Any:
-        """Return the meaning of a raw value."""
+    def _physical(self, raw: Value) -> Any:
+        """Return the physical value of a raw value."""
         return objects.physical(self.od, raw)
 
     def _typed(self, data: bytes, kind: Any) -> Any:
-        value = self._meant(decode(self.od, data))
+        value = self._physical(decode(self.od, data))
         return value if kind is None else typed(value, kind, str(self))
 
     def _bytes_of(self, value: Any) -> bytes:
-        """Return the bytes of a value that a program gives; raises FieldError."""
+        """Encode a value given by a program; raises FieldError."""
         thing = self.od
         if isinstance(value, bytes):
             return value
@@ -140,7 +140,7 @@ class ObjectAtNode:
         return encode(thing, value)
 
     def text_of(self, raw: Value) -> str:
-        """Return a raw value as text, with its word or its unit."""
+        """Return a raw value as text, with its name or its unit."""
         if isinstance(raw, int) and raw in self.words:
             return self.words[raw]
         return written(self.od, raw)
@@ -177,7 +177,7 @@ class RemoteObject(ObjectAtNode):
         return self._typed(finished(self._read()), kind)
 
     def write(self, value: Any) -> None:
-        """Set `value`."""
+        """Write a value; see `value`."""
         finished(self._write(self._bytes_of(value)))
 
     @property
@@ -209,7 +209,7 @@ class RemoteObject(ObjectAtNode):
 
     @property
     def text(self) -> str:
-        """The value as text: `1500 rpm`, or its word."""
+        """Value as text: `1500 rpm`, or its name."""
         return self.text_of(self.raw)
 
     def read_block(self, progress: Progress = unwatched) -> Content:
@@ -221,7 +221,7 @@ class RemoteObject(ObjectAtNode):
     phys, desc, data = value, text, bytes
 
     def items(self) -> list[tuple[int, RemoteObject]]:
-        """Return the members of a record that the node has by its sub-index 0, with their sub-indices, without 0."""
+        """Return the members of a record, with their sub-indices, up to the number in sub-index 0."""
         count = self[0].read(int)
         return [(sub, each) for each in self if 0 < (sub := each.od.subindex) <= count]
 
@@ -262,7 +262,7 @@ class AsyncRemoteObject(ObjectAtNode):
 
     @property
     async def value(self) -> Any:
-        """The same as `read` returns."""
+        """Value that `read` returns."""
         return await self.read()
 
     @property
@@ -277,7 +277,7 @@ class AsyncRemoteObject(ObjectAtNode):
 
     @property
     async def text(self) -> str:
-        """The value as text: `1500 rpm`, or its word."""
+        """Value as text: `1500 rpm`, or its name."""
         return self.text_of(await self.raw)
 
     async def read_block(self, progress: Progress = unwatched) -> Content:
@@ -289,7 +289,7 @@ class AsyncRemoteObject(ObjectAtNode):
 
 
 DeviceFile: TypeAlias = "str | Path | Dictionary | ObjectDictionary | None"
-"""An EDS or DCF, or a dictionary made from one; None for a device of which only the node-ID is known."""
+"""An EDS or DCF, or a dictionary made from one; None if only the node-ID is known."""
 
 
 def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
@@ -303,10 +303,10 @@ def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
 
 
 class _NoMaster:
-    """In place of the master of a network that is not open."""
+    """Placeholder of the master while the network is not open."""
 
     def __getattr__(self, name: str) -> NoReturn:
-        if name.startswith("__"):  # `help` looks for what every object may have
+        if name.startswith("__"):  # `help` looks for optional special methods
             raise AttributeError(name)
         raise StateError("the network is not open yet: `connect` or `async with` opens it")
 
@@ -315,7 +315,7 @@ UNCONNECTED: Any = _NoMaster()
 
 
 class DeviceAtNode:
-    """The common part of the devices of both kinds of networks."""
+    """Base class of the devices of both networks."""
 
     def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
         if node_id not in NODE_IDS:
@@ -329,7 +329,7 @@ class DeviceAtNode:
         self._emergencies: streams.HeardEmergencies
 
     def join(self, master: Master) -> None:
-        """Become a node of a network that is open."""
+        """Join an open network."""
         self._node.master = master
         if self.dictionary is not None:
             master.follow(self.dictionary)
@@ -352,7 +352,7 @@ class DeviceAtNode:
 
     @property
     def state(self) -> NmtState | None:
-        """The NMT state in the last heartbeat or boot-up message, None before the first one and after a command."""
+        """NMT state in the last heartbeat or boot-up message, None before the first one and after a command."""
         self._node.master.drain()
         return self._node.last_state
 
@@ -360,29 +360,29 @@ class DeviceAtNode:
         return f"<{type(self).__name__} {self.node_id} {self.name}>"
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what IPython completes after `device["`: the names of the objects."""
+        """Return the names of the objects, for completion of `device["` in IPython."""
         return [each.qualname for each in all_objects(self.od)] if self.dictionary else []
 
-    def hear(self, cob_id: int, data: bytes, now: float) -> None:
-        """Take in a frame, which may be this node's."""
+    def receive(self, cob_id: int, data: bytes, now: float) -> None:
+        """Process a frame, which may be this node's."""
         if cob_id == self._emcy_id:
-            self._emergencies.hear(data, now)
-        self._pdos.hear(cob_id, data, now)
+            self._emergencies.receive(data, now)
+        self._pdos.receive(cob_id, data, now)
 
     def _wrote(self, thing: ODVariable, data: bytes) -> None:
-        """Follow a PDO as it is now, if what was written is one of its parameters."""
+        """Update a PDO's binding if the written object is one of its parameters."""
         address = address_of(thing)
         if pdo_of(address[0]) is not None and len(data) >= data_type(thing).size:
             self._pdos.present({address: decode(thing, data)})
 
     async def _identity(self) -> Identity:
-        """Read the identity object 0x1018; 0 for a number that the node does not have."""
+        """Read the identity object 0x1018, with 0 for missing numbers."""
         return await read_identity.steps(self._node)
 
     async def _configure(
         self, file: str | Path, *, store: bool = True, reset: bool = True, cob_ids: CobIdChoice = None
     ) -> Configured:
-        """Make the node what a DCF says: write what differs, read it back, store it, reset the node, verify.
+        """Configure the node from a DCF: write the differences, read back, store, reset, verify.
 
         The DCF may be that of another node of the same kind: what follows the node-ID moves along. `cob_ids` says
         whether COB-IDs that somebody chose are kept (`keep`) or moved by the distance of the node-IDs (`move`); without
@@ -397,13 +397,13 @@ class DeviceAtNode:
         done = Configured(0, False)
         if plan.changes:
             done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
-        # The node has everything in the file: it had it before, or it was written and read back.
+        # The node now has all values of the file.
         has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(plan.dictionary)}
         self._pdos.present({address: value for address, value in has.items() if pdo_of(address[0]) is not None})
         return done
 
     async def _difference(self, file: str | Path, *, cob_ids: CobIdChoice = None) -> ChangePlan:
-        """Return what `configure` would write, without writing anything; raises DictionaryError."""
+        """Return what `configure` would write, without writing; raises DictionaryError."""
         return await self._plan(file, cob_ids)
 
     async def _plan(self, file: str | Path, cob_ids: CobIdChoice) -> ChangePlan:
@@ -411,11 +411,11 @@ class DeviceAtNode:
         return await configure.difference.steps(self._node, Dictionary.load(file), chosen=chosen)
 
     async def _store(self) -> None:
-        """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
+        """Make the node store all parameters, so that they survive a reset (0x1010); may take 5 s."""
         await configure.store.steps(self._node)
 
     async def _restore(self) -> None:
-        """Have the node restore the defaults of its parameters, from its next reset on (0x1011)."""
+        """Make the node restore the defaults of its parameters at its next reset (0x1011)."""
         await configure.restore.steps(self._node)
 
     async def _heartbeat(self, within: float = 1.0) -> NmtState:
@@ -436,11 +436,11 @@ class DeviceAtNode:
 
 
 HEARTBEAT_WAIT = 10.0
-"""Seconds that canopen's names wait for a heartbeat by default."""
+"""Default timeout for a heartbeat in canopen's methods, in s."""
 
 
 class NmtOfNode(streams.Closed):
-    """The common part of the NMT commands of both kinds of networks."""
+    """Base class of the NMT commands of both networks."""
 
     def __init__(self, device: DeviceAtNode) -> None:
         self._node = device._node
@@ -449,15 +449,15 @@ class NmtOfNode(streams.Closed):
         return f"<{type(self).__name__} of node {self._node.node_id}>"
 
     async def _start(self, within: float | None = None) -> None:
-        """Make the node OPERATIONAL: PDOs are sent and received."""
+        """Switch the node to OPERATIONAL, where it sends and receives PDOs."""
         await self._go(NmtCommand.START, within)
 
     async def _stop(self, within: float | None = None) -> None:
-        """Make the node STOPPED: it listens to NMT alone."""
+        """Switch the node to STOPPED, where it obeys only NMT."""
         await self._go(NmtCommand.STOP, within)
 
     async def _enter_pre_operational(self, within: float | None = None) -> None:
-        """Make the node PRE-OPERATIONAL: SDO, but no PDOs."""
+        """Switch the node to PRE-OPERATIONAL, with SDO but no PDOs."""
         await self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within)
 
     async def _reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
@@ -503,7 +503,7 @@ class NodeNmt(NmtOfNode):
         self._node.command(NmtCommand(command))
 
     def wait_for_bootup(self, timeout: float = HEARTBEAT_WAIT) -> None:
-        """Wait for a boot-up message, also one that has come since the last command; raises HeartbeatLost."""
+        """Wait for a boot-up message, which may have come since the last command; raises HeartbeatLost."""
         if not self._node.wait_for_bootup(timeout):
             raise HeartbeatLost(self._node.node_id, timeout)
 
@@ -514,13 +514,13 @@ class NodeNmt(NmtOfNode):
         return self.state
 
     def start_node_guarding(self, period: float) -> None:
-        """Ask the node for its state every `period` seconds, until `stop_node_guarding`; raises BusError."""
+        """Request the node's state every `period` seconds until `stop_node_guarding`; raises BusError."""
         self.stop_node_guarding()
         asking = [Frame(ERROR_CONTROL_BASE + self._node.node_id)]
         self._guarding = PeriodicTask(self._node.master, asking, period, remote=True)
 
     def stop_node_guarding(self) -> None:
-        """End what `start_node_guarding` has begun."""
+        """Stop the requests of `start_node_guarding`."""
         if self._guarding is not None:
             self._guarding.stop()
 
@@ -596,7 +596,7 @@ class RemoteDevice(DeviceAtNode):
         self[index, subindex].bytes = data
 
     def load_configuration(self) -> None:
-        """Write what the file says of this device in particular (ParameterValue), in the order of CiA 301.
+        """Write the ParameterValues of the file, in the order of CiA 301.
 
         It is neither read back nor stored, and the device may be another one: see `configure`.
         """
@@ -611,7 +611,7 @@ class RemoteDevice(DeviceAtNode):
         return self.axis402(1)
 
     def axis402(self, axis: int) -> Drive402:
-        """Return one axis of a drive with several, by its number from 1 on; raises LocalError."""
+        """Return an axis of a drive by its number from 1 on; raises LocalError."""
         return Drive402(self._node, self.dictionary, axis)
 
     identity, heartbeat = blocking(DeviceAtNode._identity), blocking(DeviceAtNode._heartbeat)

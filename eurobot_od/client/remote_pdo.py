@@ -1,4 +1,4 @@
-"""The PDOs of a node of a `Network`, with the names that they have here and those that users of canopen know.
+"""PDOs of a node of a `Network`, under this package's names and those of canopen.
 
 `drive.pdo["TPDO1"]` and `drive.tpdo[1]` are the same PDO. What is set of it (`trans_type`, `enabled`, `add_variable`)
 is kept until `save`, which writes it in the order of CiA 301 and reads it back.
@@ -28,11 +28,11 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.files import write_whole
 
 RECEPTION_WAIT = 10.0
-"""Seconds that `wait_for_reception` waits by default."""
+"""Default timeout of `wait_for_reception`, in s."""
 
 
 class PdoSignal(BlockingStream[PdoValue]):
-    """One object's values in a PDO: `last`, `wait`, `on`, and `for time, value in signal`.
+    """Values of one object in a PDO: `last`, `wait`, `on`, and `for time, value in signal`.
 
     `od` is canopen's variable. Set `raw` or `phys` of one in an RPDO, then `transmit()` the PDO.
     """
@@ -47,8 +47,9 @@ class PdoSignal(BlockingStream[PdoValue]):
 
     @property
     def raw(self) -> Any:
-        """The value to be sent, or else the last one, as the frame has it."""
-        scale, value = scale_of(self.od), self.phys
+        """Raw value to be sent, or else of the last frame."""
+        scale = scale_of(self.od)
+        value = self.phys
         return value if scale.is_raw or not isinstance(value, (int, float)) else round(scale.raw(value))
 
     @raw.setter
@@ -57,7 +58,7 @@ class PdoSignal(BlockingStream[PdoValue]):
 
     @property
     def phys(self) -> Any:
-        """The value to be sent, or else the last one, in the object's unit."""
+        """Physical value to be sent, or else of the last frame."""
         return self.value if self._given is None else self._given
 
     @phys.setter
@@ -66,7 +67,7 @@ class PdoSignal(BlockingStream[PdoValue]):
 
 
 def _setting(sub: int, what: str) -> Any:
-    """Return a parameter of the communication record as an attribute; None if the PDO does not have it."""
+    """Return a property for a communication parameter; its value is None if the PDO does not have it."""
 
     def read(pdo: BlockingPdoStream) -> int | None:
         return pdo.setting(sub)
@@ -90,13 +91,13 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
 
     def __init__(self, *given: Any) -> None:
         self.settings: dict[int, int] = {}
-        """Parameters of the communication record, by sub-index, that `save` writes."""
+        """Communication parameters that `save` writes, by sub-index."""
         super().__init__(*given)
         self._mapped: list[ODVariable] | None = None
         self._task: PeriodicTask | None = None
 
     def __getitem__(self, name: str | int) -> PdoSignal:
-        """Return one object's values, by its name, its index or its place; raises UnknownName."""
+        """Return the values of one object by its name, index or position; raises UnknownName."""
         key = self._key(name)
         signal = self._signal(key, PdoSignal)
         signal.od = self._binding.objects[key].variable
@@ -116,42 +117,42 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         return {name: self[name].phys or 0 for name in self.names}
 
     def start(self, period: float) -> None:
-        """Send it every `period` seconds with the values that are set now; see `update`. Raises as `transmit`."""
+        """Send the RPDO every `period` seconds with the present values; see `update`. Raises as `transmit`."""
         self.stop()
         self._task = PeriodicTask(self._node.master, [self._frame(self._set_values())], period)
 
     def update(self) -> None:
-        """Have the values that are set now sent from now on, if it was started."""
+        """Send the present values from now on, if the RPDO was started."""
         if self._task is not None:
             self.start(self._task.period)
 
     def stop(self) -> None:
-        """End what `start` has begun."""
+        """Stop the sending of `start`."""
         if self._task is not None:
             self._task.stop()
             self._task = None
 
     def wait_for_reception(self, timeout: float = RECEPTION_WAIT) -> float | None:
-        """Wait for the next one and return its time stamp; None if there is none within `timeout` seconds."""
+        """Wait for the next frame and return its time stamp; None after `timeout` seconds."""
         try:
             return self.wait(timeout).time
         except NoAnswer:
             return None
 
     def add_callback(self, function: Callable[[BlockingPdoStream], object]) -> None:
-        """Have a function called with this PDO each time that it has come; see `on`."""
+        """Call a function with this PDO each time that a frame comes; see `on`."""
         self.on(lambda _: function(self))
 
     @property
     def timestamp(self) -> float | None:
-        """The time of the last one, None before the first."""
+        """Time of the last frame, None before the first."""
         return self.last and self.last.time
 
     # Its parameters
 
     @property
     def records(self) -> values.PdoRecords:
-        """The PDO as the master knows it: where its records are, and what they say."""
+        """Records of the PDO, as far as the master knows them."""
         return self._binding.pdo
 
     @property
@@ -160,12 +161,12 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         return self._home.dictionary
 
     def setting(self, sub: int) -> int | None:
-        """Return a parameter of the communication record: what is to be written, or what the master knows of it."""
+        """Return a communication parameter: the value to be written, or else the known one."""
         return self.settings.get(sub, self._dictionary.number((self.records.index, sub)))
 
     @property
     def enabled(self) -> bool:
-        """Whether it is valid."""
+        """Whether the PDO is valid."""
         wanted = self.settings.get(COB_ID)
         return self._binding.pdo.valid if wanted is None else not wanted & values.NOT_VALID
 
@@ -179,7 +180,7 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         self._mapped = []
 
     def add_variable(self, name: str | int, member: str | int = 0) -> ODVariable:
-        """Map one more object, by name or index, and member or sub-index; raises UnknownName, LocalError."""
+        """Map an object by name or index, and member or sub-index; raises UnknownName, LocalError."""
         objects = self._dictionary.objects
         if isinstance(name, int):
             thing = at((name, int(member)), objects)
@@ -191,7 +192,7 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         return thing
 
     def save(self) -> None:
-        """Write what was set to the node, in the order of CiA 301, and read it back; without any, do nothing.
+        """Write the changed settings in the order of CiA 301 and read them back; without changes do nothing.
 
         Raises LocalError for what cannot be mapped, ConfigurationError if the node then has something else, NodeRefused
         for a write that it refuses (the PDO is then off), NoAnswer, BusError.
@@ -199,12 +200,13 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         if not self.settings and self._mapped is None:
             return
         written = map_objects(self._node, self._dictionary, self._binding.pdo, self._mapped, self.settings)
-        self.settings, self._mapped = {}, None
+        self.settings = {}
+        self._mapped = None
         self._home.present({address: int.from_bytes(data, "little") for address, data in written.items()})
 
 
 class RemotePdos(MappedPdos[BlockingPdoStream]):
-    """The PDOs of a node: `drive.pdo["TPDO1"]`; `tx` and `rx` are those of one direction, by number."""
+    """PDOs of a node: `drive.pdo["TPDO1"]`; `tx` and `rx` are those of one direction, by number."""
 
     @property
     def tx(self) -> PdosOfDirection:
@@ -217,18 +219,18 @@ class RemotePdos(MappedPdos[BlockingPdoStream]):
         return PdosOfDirection(self, PdoDirection.RPDO)
 
     def __getitem__(self, name: str | int) -> BlockingPdoStream:
-        """Return a PDO by name, or by the index of one of its records; raises UnknownName, also for one that is off."""
+        """Return a PDO by name or by the index of a record; raises UnknownName, also for a disabled one."""
         valid = self._pdos.items()
         indices = {i: key for key, pdo in valid for i in (pdo.records.index, pdo.records.mapping_index)}
         return super().__getitem__(name if isinstance(name, str) else indices.get(name, f"0x{name:04X}"))
 
     def of(self, direction: PdoDirection) -> dict[int, BlockingPdoStream]:
-        """Return those of one direction by number, whether they are valid or not."""
+        """Return the PDOs of one direction by number, valid or not."""
         records = (pdo.records for pdo in self._made.values())
         return {each.number: self._made[each.key] for each in records if each.direction is direction}
 
     def read(self, from_od: bool = False) -> None:
-        """Ask the node how its PDOs are mapped now; raises NoAnswer, RemoteError, BusError.
+        """Read the node's present PDO mapping; raises NoAnswer, RemoteError, BusError.
 
         With `from_od` nothing is asked: what the file says counts until the node has said something else.
         """
@@ -236,13 +238,13 @@ class RemotePdos(MappedPdos[BlockingPdoStream]):
             finished(self._read())
 
     def save(self) -> None:
-        """Save those that were changed; raises as `BlockingPdoStream.save`."""
+        """Save the changed PDOs; raises as `BlockingPdoStream.save`."""
         for pdo in self._made.values():
             pdo.save()
 
 
 class PdosOfDirection(Mapping[int, BlockingPdoStream]):
-    """The TPDOs or RPDOs of a node by number from 1 on, valid or not; by name, the objects that the valid ones map."""
+    """TPDOs or RPDOs of a node by number from 1 on, valid or not, and the mapped objects of valid ones by name."""
 
     def __init__(self, pdos: RemotePdos, direction: PdoDirection) -> None:
         self._pdos, self._direction = pdos, direction
@@ -255,7 +257,7 @@ class PdosOfDirection(Mapping[int, BlockingPdoStream]):
     def __getitem__(self, key: str) -> PdoSignal: ...
 
     def __getitem__(self, key: int | str) -> BlockingPdoStream | PdoSignal:
-        """Return a PDO by its number, or one object's values by its name; raises UnknownName."""
+        """Return a PDO by number, or the values of an object by name; raises UnknownName."""
         numbered = self._pdos.of(self._direction)
         if isinstance(key, int):
             if key not in numbered:
@@ -277,7 +279,7 @@ class PdosOfDirection(Mapping[int, BlockingPdoStream]):
         return f"<{type(self).__name__} {', '.join(pdo.name for pdo in self.values())}>"
 
     def export(self, file: str | Path) -> None:
-        """Write the valid ones as a DBC file; raises MappingError, LocalError, OSError."""
+        """Write the valid PDOs to a DBC file; raises MappingError, LocalError, OSError."""
         assert self._pdos.dictionary is not None  # without it there are no PDOs
         dictionary = self._pdos.dictionary
         messages = described(Protocol([(dictionary, dictionary.pdos)]))

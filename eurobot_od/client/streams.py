@@ -1,4 +1,4 @@
-"""What a node sends again and again, for a program: emergency messages and PDOs, as streams.
+"""Emergency messages and PDOs of a node, as streams.
 
 A stream has the last item, callbacks, an iterator and the next one. An iterator that is behind loses nothing, up to
 `BACKLOG` items; then it loses the oldest ones, and counts them.
@@ -39,16 +39,16 @@ PDO_LOG, EMCY_LOG = logging.getLogger("eurobot_od.pdo"), logging.getLogger("euro
 Item = TypeVar("Item")
 
 BACKLOG = 10_000
-"""Most items that an iterator keeps for a program that is behind: 10 s of a PDO every millisecond."""
+"""Maximum number of items that an iterator keeps: 10 s of a PDO every millisecond."""
 
 
 class Closed:
-    """Refuses an attribute that was not there when it was made: `pdo.enabld = True` is a slip, and would say nothing.
+    """Refuses attributes that were not set at construction, so that a typo (`pdo.enabld = True`) is an error.
 
     Its `_node` is the last one that it gets.
     """
 
-    if not TYPE_CHECKING:  # a type checker, which refuses it anyway, would take any attribute then
+    if not TYPE_CHECKING:  # with `__setattr__`, type checkers would accept any attribute
 
         def __setattr__(self, name: str, value: object) -> None:
             if name[0] != "_" and "_node" in vars(self) and name not in vars(self) and not hasattr(type(self), name):
@@ -57,14 +57,15 @@ class Closed:
 
 
 class Stream(Closed, Generic[Item]):
-    """Items that come again and again: the `last` one (None before the first), and the `count` of them."""
+    """A stream of items: the `last` one (None before the first), and the `count` of them."""
 
     def __init__(self, node: RemoteNode, name: str) -> None:
         self.last: Item | None = None
         self.count = 0
         self.needs = ""
-        """What makes it come, if the node alone does not."""
-        self.name, self.node_id = name, node.node_id
+        """Text on what triggers the items, unless the node sends them by itself."""
+        self.name = name
+        self.node_id = node.node_id
         self._functions: list[Callable[[Item], object]] = []
         self._readers: WeakSet[StreamReader[Item]] = WeakSet()
         self._node = node
@@ -73,7 +74,7 @@ class Stream(Closed, Generic[Item]):
         return f"<{type(self).__name__} {self.name} of node {self.node_id}, last: {self.last}>"
 
     def on(self, function: Callable[[Item], object]) -> Callable[[Item], object]:
-        """Have a function called with each item, in the order in which they come; also a decorator.
+        """Call a function with each item, in order; also a decorator.
 
         It runs on a thread of its own, or in the event loop. An exception it raises is logged, and the next item still
         comes.
@@ -82,12 +83,13 @@ class Stream(Closed, Generic[Item]):
         return function
 
     def off(self, function: Callable[[Item], object]) -> None:
-        """Stop calling a function; raises ValueError if it was not called before."""
+        """Stop calling a function; raises ValueError if it was not registered."""
         self._functions.remove(function)
 
     def push(self, item: Item) -> None:
-        """Take in an item."""
-        self.last, self.count = item, self.count + 1
+        """Process an item."""
+        self.last = item
+        self.count = self.count + 1
         for function in self._functions:
             self._node.master.call(partial(function, item))
         for reader in [*self._readers]:
@@ -108,7 +110,7 @@ class Stream(Closed, Generic[Item]):
 
 
 class EndlessIterator(Iterator[Item], AsyncIterator[Item]):
-    """An endless iterator for blocking programs and event loops, over what `_next` waits for."""
+    """An endless iterator over the results of `_next`, for blocking programs and event loops."""
 
     @abstractmethod
     async def _next(self) -> Item:
@@ -128,13 +130,15 @@ class EndlessIterator(Iterator[Item], AsyncIterator[Item]):
 
 
 class StreamReader(EndlessIterator[Item]):
-    """An endless iterator over a stream; `lost` counts the items it dropped."""
+    """An endless iterator over a stream; `lost` counts dropped items."""
 
     def __init__(self, master: Master) -> None:
-        self._master, self._waiting, self.lost = master, deque[Item](), 0
+        self._master = master
+        self._waiting = deque[Item]()
+        self.lost = 0
 
     def put(self, item: Item) -> None:
-        """Keep one more item."""
+        """Append an item, and drop the oldest one if there are too many."""
         if len(self._waiting) == BACKLOG:
             self._waiting.popleft()
             self.lost += 1
@@ -147,7 +151,7 @@ class StreamReader(EndlessIterator[Item]):
 
 
 class BlockingStream(Stream[Item]):
-    """A stream of a `Network`: `for each in stream` never ends by itself."""
+    """A stream of a `Network`: `for each in stream` never ends."""
 
     def wait(self, timeout: float = 1.0) -> Item:
         """Wait for the next item and return it; raises NoAnswer after `timeout` seconds, BusError."""
@@ -158,7 +162,7 @@ class BlockingStream(Stream[Item]):
 
 
 class AsyncStream(Stream[Item]):
-    """A stream of an `AsyncNetwork`: `async for each in stream` never ends by itself."""
+    """A stream of an `AsyncNetwork`: `async for each in stream` never ends."""
 
     async def wait(self, timeout: float = 1.0) -> Item:
         """Wait for the next item and return it; raises NoAnswer after `timeout` seconds, BusError."""
@@ -186,11 +190,11 @@ class History(NamedTuple):
 
     @property
     def register_bits(self) -> list[str]:
-        """Names of the bits that are set in the register."""
+        """Names of the bits set in the register."""
         return [name for bit, name in enumerate(REGISTER_BITS) if self.register >> bit & 1]
 
     def lines(self, node_id: int, words: Callable[[int], str]) -> Iterator[str]:
-        """Yield it as lines for a person; `words` gives those for a code."""
+        """Yield the lines of the history as text; `words` returns the meaning of a code."""
         register = ", ".join(self.register_bits) or "no error"
         rows = [
             (f"0x{each.code:04X}", words(each.code), f"0x{each.info:04X}" if each.info else "") for each in self.entries
@@ -201,7 +205,7 @@ class History(NamedTuple):
 
 @Procedure
 async def read_history(node: RemoteNode) -> History:
-    """Read the errors of a node. Raises NodeRefused, NoAnswer, BusError."""
+    """Read the error register and history of a node. Raises NodeRefused, NoAnswer, BusError."""
     register = (await node.upload.steps(ERROR_REGISTER, "Error register"))[0]
     count = (await node.upload.steps(ERRORS, "Number of errors"))[0]
     fields = [await node.upload.steps((ERROR_FIELD, sub)) for sub in range(1, count + 1)]
@@ -243,7 +247,7 @@ class Emergency(NamedTuple):
 
 
 class HeardEmergencies(Stream[Emergency]):
-    """The common part of both kinds of emergency streams."""
+    """Base class of both emergency streams."""
 
     def __init__(self, node: RemoteNode) -> None:
         self.active: dict[int, Emergency] = {}
@@ -257,28 +261,28 @@ class HeardEmergencies(Stream[Emergency]):
             self.active[item.code] = item
         super().push(item)
 
-    def hear(self, data: bytes, now: float) -> None:
-        """Take in a frame of the node's EMCY; one of another length is ignored."""
+    def receive(self, data: bytes, now: float) -> None:
+        """Process an emergency message; frames of other lengths are ignored."""
         if len(data) == EMCY_BYTES:
             self.push(Emergency(now, self.node_id, int.from_bytes(data[:2], "little"), data[2], data[3:]))
 
     async def _history(self) -> History:
-        """Read the errors that the node remembers (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
+        """Read the node's error register and history (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
         return await read_history.steps(self._node)
 
     async def _clear(self) -> None:
-        """Have the node forget its errors; raises as `history`."""
+        """Clear the node's error history; raises as `history`."""
         await clear_history.steps(self._node)
 
 
 class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
-    """A node's emergency messages as they come; `active` has those since the last `no error`, by code."""
+    """Emergency messages of a node; `active` has those since the last `no error`, by code."""
 
     history, clear = blocking(HeardEmergencies._history), blocking(HeardEmergencies._clear)
 
 
 class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
-    """A node's emergency messages as they come; `active` has those since the last `no error`, by code."""
+    """Emergency messages of a node; `active` has those since the last `no error`, by code."""
 
     history, clear = HeardEmergencies._history, HeardEmergencies._clear
 
@@ -287,14 +291,14 @@ class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
 
 
 class PdoValue(NamedTuple):
-    """A value in a TPDO, and its time: the driver's time stamp in seconds (Unix time with SocketCAN)."""
+    """A value in a TPDO and its time, the driver's time stamp in s (Unix time with SocketCAN)."""
 
     time: float
     value: Any
 
 
 class PdoValues(dict[str, Any]):
-    """Values by the names of the mapped objects; they are found by the names of the fields as well."""
+    """Values by the names of the mapped objects, and also by the names of the fields."""
 
     def __init__(self, values: Mapping[str, Any], key: Callable[[str], str]) -> None:
         super().__init__(values)
@@ -305,7 +309,7 @@ class PdoValues(dict[str, Any]):
 
 
 class PdoReading(NamedTuple):
-    """A TPDO that has come: `time` as in `PdoValue`, and its `values` by the names of the objects."""
+    """A received TPDO: `time` as in `PdoValue`, and its `values` by the names of the objects."""
 
     time: float
     values: Mapping[str, Any]
@@ -315,7 +319,7 @@ class PdoReading(NamedTuple):
         return self.values[name] if isinstance(name, str) else tuple(self)[name]
 
     def read(self, name: str, kind: type[Scalar]) -> Scalar:
-        """Return the value of an object as a Python type, such as `int`; raises LocalError if it is of another one."""
+        """Return the value of an object as a Python type, such as `int`; raises LocalError for another type."""
         return typed(self[name], kind, name)
 
 
@@ -326,17 +330,17 @@ Signal = TypeVar("Signal")
 
 
 class PdoStream(Stream[PdoReading]):
-    """The readings of a PDO, in either kind of network: what has come, by the mapping that is in force."""
+    """Base class of a PDO in both networks, decoded by its present mapping."""
 
     def __init__(self, node: RemoteNode, name: str, home: MappedPdos[Any]) -> None:
         self.refused: FrameLengthError | None = None
-        """Why the last frame that could not be read was refused."""
+        """Error of the last frame that could not be decoded."""
         super().__init__(node, name)
         self._home = home
         self._signals: dict[str, Any] = {}
 
     def adopt(self, binding: Binding) -> None:
-        """Read frames by this mapping from now on."""
+        """Decode frames by this mapping from now on."""
         self._binding = binding
         self.needs = NEEDS_SYNC if binding.pdo.is_synchronous else ""
 
@@ -352,11 +356,11 @@ class PdoStream(Stream[PdoReading]):
 
     @property
     def names(self) -> list[str]:
-        """The names of the mapped objects, in the order in which they are mapped."""
+        """Names of the mapped objects, in mapping order."""
         return [*self._binding.objects]
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what IPython completes after `pdo["TPDO1"]["`."""
+        """Return the names of the mapped objects, for completion in IPython."""
         return self.names
 
     def __repr__(self) -> str:
@@ -378,8 +382,8 @@ class PdoStream(Stream[PdoReading]):
         made: Signal = self._signals[name]
         return made
 
-    def hear(self, data: bytes, now: float) -> None:
-        """Take in a frame; one that is too short for the mapping is `refused` (CiA 301, EMCY 0x8210)."""
+    def receive(self, data: bytes, now: float) -> None:
+        """Process a frame; one that is too short for the mapping is `refused` (CiA 301, EMCY 0x8210)."""
         try:
             message = self._binding.decode(data)
         except FrameLengthError as error:
@@ -394,7 +398,7 @@ class PdoStream(Stream[PdoReading]):
         self.push(PdoReading(now, PdoValues(values, self._key)))
 
     def transmit(self, values: Mapping[str, Value]) -> None:
-        """Send an RPDO with values for all that it maps, by name; the node acts on it when it is OPERATIONAL.
+        """Send an RPDO with values for all mapped objects, by name; the node must be OPERATIONAL to act on it.
 
         Raises FieldError for a value that is missing, or that object or mapping do not allow; UnknownName, LocalError
         for a TPDO, BusError.
@@ -417,7 +421,7 @@ class PdoStream(Stream[PdoReading]):
 
 
 class AsyncPdoSignal(AsyncStream[PdoValue]):
-    """One object's values in a PDO: `last`, `wait`, `on`, and `async for time, value in signal`."""
+    """Values of one object in a PDO: `last`, `wait`, `on`, and `async for time, value in signal`."""
 
     @property
     def value(self) -> Any:
@@ -429,7 +433,7 @@ class AsyncPdoStream(PdoStream, AsyncStream[PdoReading]):
     """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO."""
 
     def __getitem__(self, name: str | int) -> AsyncPdoSignal:
-        """Return one object's values, by its name, its index or its place; raises UnknownName."""
+        """Return the values of one object by its name, index or position; raises UnknownName."""
         return self._signal(self._key(name), AsyncPdoSignal)
 
 
@@ -437,20 +441,20 @@ AnyPdo = TypeVar("AnyPdo", bound=PdoStream)
 
 
 class MappedPdos(Generic[AnyPdo]):
-    """The PDOs of a node, as `TPDO1`, `RPDO2`, or by the names of their communication records."""
+    """PDOs of a node by `TPDO1`, `RPDO2`, or the names of their communication records."""
 
     def __init__(self, node: RemoteNode, dictionary: Dictionary | None, kind: type[AnyPdo]) -> None:
         self._node, self._kind = node, kind
         self._pdos: dict[str, AnyPdo] = {}
         self._made: dict[str, AnyPdo] = {}
-        """Valid or not: a program that holds one keeps it while it is remapped or switched off."""
+        """All PDOs, valid or not; a program keeps the same object when a PDO is remapped or disabled."""
         self._records: dict[str, str] = {}
         self._refused: dict[int, MappingError] = {}
         self.dictionary = dictionary
         self._adopt()
 
     def _adopt(self) -> None:
-        """Take over the mappings in the dictionary."""
+        """Use the mappings in the dictionary."""
         if self.dictionary is None:
             return
         refusals = list[MappingError]()
@@ -471,19 +475,19 @@ class MappedPdos(Generic[AnyPdo]):
         self._pdos = valid
 
     def present(self, values: Mapping[Address, Value]) -> None:
-        """Take over the present values of a node's PDO parameters."""
+        """Update the mappings from present values of the node's PDO parameters."""
         if self.dictionary is not None and values:
             self.dictionary = self.dictionary.configured(values)
             self._adopt()
 
-    def hear(self, cob_id: int, data: bytes, now: float) -> None:
-        """Take in a frame, if it is one of the node's TPDOs."""
+    def receive(self, cob_id: int, data: bytes, now: float) -> None:
+        """Process a frame, if it is one of the node's TPDOs."""
         for pdo in self._pdos.values():
             if pdo.cob_id == cob_id and pdo.direction is PdoDirection.TPDO:
-                pdo.hear(data, now)
+                pdo.receive(data, now)
 
     def __getitem__(self, name: str) -> AnyPdo:
-        """Return a PDO; raises UnknownName, also if it is switched off (its COB-ID is not valid)."""
+        """Return a PDO; raises UnknownName, also for a disabled one."""
         key = name.upper() if name.upper() in self._pdos else self._records.get(plain_name(name), name)
         if key in self._pdos:
             return self._pdos[key]
@@ -501,7 +505,7 @@ class MappedPdos(Generic[AnyPdo]):
         return f"<{type(self).__name__} of node {self._node.node_id}: {', '.join(self._pdos) or 'none is valid'}>"
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what IPython completes after `pdo["`: the PDOs that are valid."""
+        """Return the valid PDOs, for completion of `pdo["` in IPython."""
         return [*self._pdos]
 
     async def _read(self) -> None:
@@ -510,8 +514,8 @@ class MappedPdos(Generic[AnyPdo]):
 
 
 class AsyncRemotePdos(MappedPdos[AsyncPdoStream]):
-    """The PDOs of a node: `drive.pdo["TPDO1"]`."""
+    """PDOs of a node: `drive.pdo["TPDO1"]`."""
 
     async def read(self) -> None:
-        """Ask the node how its PDOs are mapped now; raises NoAnswer, RemoteError, BusError."""
+        """Read the node's present PDO mapping; raises NoAnswer, RemoteError, BusError."""
         await self._read()

@@ -1,4 +1,4 @@
-"""Notices which nodes boot, fall silent and come back, by their heartbeats or by guarding them (CiA 301, 7.2.8.3).
+"""Detects nodes that boot, fall silent and come back, by heartbeats or node guarding (CiA 301, 7.2.8.3).
 
 `Heartbeats` and `NodeWatch` have no clock and no bus: frames and the time in seconds go in; events, and the COB-IDs to
 ask by remote frames, come out.
@@ -19,21 +19,20 @@ from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
 LOST_AFTER = 2.0
-"""A node is lost after this many heartbeat periods without a heartbeat."""
+"""Number of heartbeat periods without a heartbeat after which a node is lost."""
 
 LATE_AFTER = 1.5
-"""A node is late after this many periods, and so is a PDO by its event timer."""
+"""Number of periods after which a node is late, or a PDO with an event timer."""
 
 REMEMBERED_INTERVALS = 5
-"""A node's period is the median of this many intervals, so that one long silence does not change it."""
+"""Number of intervals whose median is the period of a node."""
 
 SHORTEST_PAUSE, LONGEST_PAUSE = 0.001, 0.1
-"""Seconds from one check for lost nodes to the next, at least; at most, as `watch_nodes` has to see when it should end.
-"""
+"""Minimum and maximum interval between two checks for lost nodes, in s; `watch_nodes` checks its end as often."""
 
 
 class Life(Enum):
-    """How alive a node is; what sends no heartbeats, or never did, is unknown."""
+    """Liveness of a node; unknown if it never sent a heartbeat."""
 
     ALIVE = "alive"
     LATE = "late"
@@ -42,7 +41,7 @@ class Life(Enum):
 
 
 class Heartbeats:
-    """The heartbeats of a node: `heard` is the time of the last one, None before the first.
+    """Heartbeats of a node: `heard` is the time of the last one, None before the first.
 
     `period` is the expected period in seconds, 0 if unknown. The measured period takes precedence.
     """
@@ -54,40 +53,43 @@ class Heartbeats:
         self._intervals: deque[float] = deque(maxlen=REMEMBERED_INTERVALS)
 
     def beat(self, now: float) -> None:
-        """Note a heartbeat."""
+        """Record a heartbeat."""
         if self._last_beat is not None:
             self._intervals.append(now - self._last_beat)
         self.heard = self._last_beat = now
 
     def boot(self, now: float) -> None:
-        """Note a boot-up message: the next heartbeat may come at any time in the period."""
-        self.heard, self._last_beat = now, None
+        """Record a boot-up message; the next heartbeat may come at any time within the period."""
+        self.heard = now
+        self._last_beat = None
         self._intervals.clear()
 
     @property
     def deadline(self) -> float:
-        """When the node is lost unless it is heard before; infinite if no period is known."""
+        """Time at which the node is lost unless it is heard before; infinite if the period is unknown."""
         return self._due(LOST_AFTER)
 
     def _due(self, periods: float) -> float:
-        """Return when so many periods are over."""
-        # The median: one late or lost heartbeat does not change it.
+        """Return the time after a number of periods."""
+        # One late or lost heartbeat does not change the median.
         period = sorted(self._intervals)[(len(self._intervals) - 1) // 2] if self._intervals else self.period
         return self.heard + periods * period if self.heard is not None and period else inf
 
     def lost(self, now: float) -> bool:
-        """Return whether it should have been heard by now."""
+        """Return whether the deadline has passed."""
         return now > self.deadline
 
     def life(self, now: float) -> Life:
-        """Return how alive the node is."""
+        """Return the liveness of the node."""
         if self.deadline == inf:
             return Life.UNKNOWN
-        return Life.LOST if self.lost(now) else Life.LATE if now > self._due(LATE_AFTER) else Life.ALIVE
+        if self.lost(now):
+            return Life.LOST
+        return Life.LATE if now > self._due(LATE_AFTER) else Life.ALIVE
 
 
 class NodeChange(Enum):
-    """What happens to a node, in words for a person."""
+    """A change of a node, with its text."""
 
     FOUND = "is there"
     BOOTED = "has booted"
@@ -96,7 +98,7 @@ class NodeChange(Enum):
 
 
 class NodeEvent(NamedTuple):
-    """A `change` of a node at a `time` in seconds; `state` is the last one reported, None if there was none."""
+    """A `change` of a node at a `time` in seconds; `state` is the last one reported, None without one."""
 
     time: float
     node_id: int
@@ -105,10 +107,11 @@ class NodeEvent(NamedTuple):
 
 
 class WatchedNode:
-    """One node: its `pulse`, its `state`, and whether it is `lost`."""
+    """A node: its `pulse`, its `state`, and whether it is `lost`."""
 
     def __init__(self, period: float = 0.0) -> None:
-        self.pulse, self.lost = Heartbeats(period), False
+        self.pulse = Heartbeats(period)
+        self.lost = False
         self.state: NmtState | None = None
         self.toggle: int | None = None
 
@@ -131,46 +134,51 @@ class NodeWatch:
     ) -> None:
         self._report = report
         self.nodes: dict[int, WatchedNode] = {node_id: WatchedNode(period) for node_id, period in periods.items()}
-        self._expected, self._patience = {*expected, *guarded}, patience
+        self._expected = {*expected, *guarded}
+        self._patience = patience
         self._guarded = dict(guarded)
         self._next_guard = dict.fromkeys(guarded, -inf)
         self._started: float | None = None
 
     def receive(self, node_id: int, data: bytes, now: float) -> None:
-        """Take in an error control frame; anything else is ignored."""
+        """Process an error control frame; other frames are ignored."""
         state = data[0] & ~TOGGLE if len(data) == 1 else None
         if state not in set(NmtState):
             return
         node = self._node(node_id)
-        # A boot-up is not an answer, and has the toggle bit 0 whatever the last answer had.
+        # A boot-up is not an answer, and always has toggle bit 0.
         if state and node_id in self._guarded and data[0] & TOGGLE == node.toggle:
-            return  # an answer heard twice, or a node that is stuck, is not a sign of life
+            return  # a repeated answer, or one of a stuck node, is no sign of life
         # After a boot-up the first answer has the toggle bit 0 (CiA 301, 7.2.8.3.2.1).
         node.toggle = data[0] & TOGGLE if state and node_id in self._guarded else None
-        first, was_lost = node.pulse.heard is None, node.lost
-        node.state, node.lost = NmtState(state), False
+        first = node.pulse.heard is None
+        was_lost = node.lost
+        node.state = NmtState(state)
+        node.lost = False
         (node.pulse.beat if state else node.pulse.boot)(now)
-        if not state or was_lost or first:
-            self._tell(
-                now, node_id, NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND
-            )
+        if not state:
+            self._report_change(now, node_id, NodeChange.BOOTED)
+        elif was_lost:
+            self._report_change(now, node_id, NodeChange.BACK)
+        elif first:
+            self._report_change(now, node_id, NodeChange.FOUND)
 
     def tick(self, now: float) -> list[int]:
-        """Notice which nodes are lost, and return the COB-IDs that have to be asked by remote frames now."""
+        """Report lost nodes, and return the COB-IDs to request by remote frames now."""
         if self._started is None:
             self._started = now
         for node_id in sorted({*self.nodes, *self._expected}):
             node = self._node(node_id)
             if not node.lost and now > self._deadline(node_id, node):
                 node.lost = True
-                self._tell(now, node_id, NodeChange.LOST)
+                self._report_change(now, node_id, NodeChange.LOST)
         asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
-        # From now, not from when it was due: after a pause, the requests that were missed must not go out at once.
+        # Counted from now, so that missed requests are not sent all at once after a pause.
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
 
     def observer(self, master: Master) -> Observer:
-        """Return what a master has to call with every frame that it hears."""
+        """Return the observer that a master calls with every frame."""
 
         def heard(cob_id: int, data: bytes, _: float) -> None:
             if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
@@ -179,11 +187,11 @@ class NodeWatch:
         return heard
 
     def ask(self, master: Master) -> float:
-        """Notice which nodes are lost, ask those that are due, and return after how many seconds to do so again."""
+        """Report lost nodes, send due requests, and return the time in s until the next call."""
         now = master.clock()
         for cob_id in self.tick(now):
             master.request(cob_id)
-        # A deadline at this very moment is not over yet, and the loop would run without a pause.
+        # A deadline at this moment has not passed, and the loop would run without a pause.
         return max(self.next_wakeup - now, SHORTEST_PAUSE)
 
     @property
@@ -196,18 +204,18 @@ class NodeWatch:
         return self.nodes.setdefault(node_id, WatchedNode(self._guarded.get(node_id, 0.0)))
 
     def _deadline(self, node_id: int, node: WatchedNode) -> float:
-        # A node that was never heard has no period yet: all nodes have the same time to boot.
+        # A node that was never heard has no period, so all have the same time to boot.
         if node.pulse.heard is None and node_id in self._expected and self._started is not None:
             return self._started + self._patience
         return node.pulse.deadline
 
-    def _tell(self, now: float, node_id: int, change: NodeChange) -> None:
+    def _report_change(self, now: float, node_id: int, change: NodeChange) -> None:
         self._report(NodeEvent(now, node_id, change, self.nodes[node_id].state))
 
 
 @Procedure
 async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int]:
-    """Return the nodes that do not say that they send a heartbeat (0x1017). Raises BusError.
+    """Return the nodes that do not report a heartbeat period (0x1017). Raises BusError.
 
     A device with a heartbeat does not answer node guarding: it has one or the other (CiA 301, 7.2.8.2.2).
     """
@@ -215,7 +223,7 @@ async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int
     for node_id in node_ids:
         try:
             period = await master.node(node_id).upload.steps(HEARTBEAT_TIME)
-        except RemoteError:  # it is not there yet, or does not have the object
+        except RemoteError:  # not there yet, or without the object
             period = b""
         if not any(period):
             found.append(node_id)
@@ -223,7 +231,7 @@ async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int
 
 
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
-    """Watch the nodes of a bus until its clock is at `end`, each step under the guard. Raises BusError."""
+    """Watch the nodes of a bus until time `end` of its clock, each step under the guard. Raises BusError."""
 
     def step() -> None:
         left = end - master.clock()

@@ -1,5 +1,5 @@
-"""CANopen devices: `device` puts together what the other modules do, one service each.
+"""CANopen devices: `device` combines the services of the other modules.
 
-There is no clock and no bus in this package. Names are imported from the modules, not from here, so that whoever needs
-the numbers of a service does not load a whole device.
+There is no clock and no bus in this package. Names are imported from the modules, so that users of one service do not
+load a whole device.
 """

@@ -1,9 +1,7 @@
-"""Objects that are bound to the application: reading one asks for what it measures, writing one commands it.
+"""Objects that are bound to the application: reading returns a measured value, writing is a command.
 
-Or a node has an object as a setting, in its unit.
-
-What an object's sub-indices mean is what the file's own PDO says, even if a master has remapped that PDO since. So an
-SDO, a PDO under any mapping and the answer to a request all carry the bits of one message.
+Also, objects as settings of a node, in their units. The meaning of an object's sub-indices comes from the file's own
+PDO, even if a master has remapped it, so that SDOs, PDOs with any mapping, and answers carry the same bits.
 """
 
 from __future__ import annotations
@@ -26,10 +24,10 @@ from eurobot_od.sdo.wire import Abort, Reason
 
 
 class BoundObject(NamedTuple):
-    """What an object of a node is bound to; its sub-indices are bound to fields of the same name.
+    """Binding of an object of a node; its sub-indices are bound to fields with their names.
 
-    `read` gives the message with the object's present values. `write` is the type of message that writing it stands
-    for.
+    `read` returns the message with the object's present values. `write` is the message type that is handled when the
+    object is written.
     """
 
     read: Callable[[Any], Message] | None = None
@@ -37,16 +35,16 @@ class BoundObject(NamedTuple):
 
 
 class Application(NamedTuple):
-    """What a device's objects are bound to, by their ParameterNames.
+    """Bindings of a device's objects, by ParameterName.
 
-    `readers` give messages with their present values. `writers` are the types of messages that writing them stands for.
-    `act` acts on such a message, or raises Refused and has done nothing.
+    `readers` return messages with present values. `writers` are the types of messages that are handled when objects are
+    written. `act` handles such a message, or raises Refused without any effect.
 
-    Single objects are bound by their addresses: a `given` value replaces the file's, a `measured` one is asked for, and
-    a new one is `told`.
+    Single objects are bound by address: a `given` value replaces the file's, `measured` functions return the value,
+    `told` functions are called with each new value.
 
-    `overheard` gets each frame that somebody else sends under an identifier that is this device's own: of its TPDOs, of
-    its heartbeat. Without it the device does not listen to them.
+    `overheard` is called with each frame of another node that has one of this device's own identifiers: those of its
+    TPDOs and its heartbeat. Without it, the device does not receive them.
     """
 
     readers: Mapping[str, Callable[[], Message]] = MappingProxyType({})
@@ -59,11 +57,11 @@ class Application(NamedTuple):
 
 
 NO_APPLICATION = Application()
-"""For a device without an application: its objects keep what was written or received last."""
+"""Bindings of a device without an application, whose objects keep the last value."""
 
 
 class BoundObjects:
-    """The bound objects of a device; `command` gets what writing one stands for, and may raise Abort or Refused."""
+    """The bound objects of a device; `command` is called when one is written, and may raise Abort or Refused."""
 
     def __init__(
         self,
@@ -72,10 +70,12 @@ class BoundObjects:
         application: Application,
         command: Callable[[Binding, Message], object],
     ) -> None:
-        self._objects, self._dictionary, self._catalogue = objects, objects.dictionary, catalogue
+        self._objects = objects
+        self._dictionary = objects.dictionary
+        self._catalogue = catalogue
         self._application, self._command = application, command
-        self._bindings: dict[type[Message], Binding] = {}  # filled when first asked for
-        self._before: dict[int, dict[Address, Value]] = {}  # what the objects held before a part of them was written
+        self._bindings: dict[type[Message], Binding] = {}  # filled on first use
+        self._before: dict[int, dict[Address, Value]] = {}  # values before a part of an object was written
 
     def readers(self) -> dict[int, OnRead]:
         """Return the functions that read bound objects, by index."""
@@ -84,7 +84,7 @@ class BoundObjects:
         return measured | {index: partial(self._read, index, read) for index, read in found if index is not None}
 
     def writers(self) -> dict[int, OnWrite]:
-        """Return the functions that write bound objects, by index; slices of an object are written in the same way."""
+        """Return the functions that write bound objects and their slices, by index."""
         return {
             record: partial(self._write, index, message_type)
             for name, message_type in self._application.writers.items()
@@ -93,7 +93,7 @@ class BoundObjects:
             if record is not None
         }
 
-    # A value
+    # Reading
 
     def _measure(self, index: int, subindex: int) -> Value:
         measure = self._application.measured.get((index, subindex))
@@ -103,9 +103,9 @@ class BoundObjects:
         message = read()
         binding = self._binding(type(message))
         try:
-            # Through the frame, so that an SDO reads exactly the bits that the PDO would carry.
+            # By way of a frame, so that an SDO reads exactly the bits of the PDO.
             raw = binding.unpack(binding.encode(message).data)
-        except FieldError as error:  # its own field cannot hold what it measures: not the client's fault
+        except FieldError as error:  # the measured value does not fit its field
             raise Abort(Reason.MEASURED_VALUE, str(error)) from error
         fields = dict(self._fields(index, binding))
         if subindex not in fields:
@@ -115,16 +115,16 @@ class BoundObjects:
         return type_.read(bits.to_bytes(type_.size, "little")) if type_ in REALS else bits
 
     def _fields(self, index: int, binding: Binding) -> Iterator[tuple[int, str]]:
-        """Yield the sub-indices that are a field of the message, with its name."""
+        """Yield the sub-indices that are fields of the message, with the fields' names."""
         for subindex, variable in self._dictionary.members[index].items():
             if (field := field_name(variable.name)) in binding.layout.fields:
                 yield subindex, field
 
     def _binding(self, message_type: type[Message]) -> Binding:
-        """Return how the file maps a message, in a PDO that need not be valid; raises Abort if it does not map it."""
+        """Return the file's mapping of a message, in a PDO that need not be valid; raises Abort without one."""
         if message_type in self._bindings:
             return self._bindings[message_type]
-        # By the file's defaults: a master may have remapped the PDO and taken the message apart.
+        # With the file's defaults, because a master may have remapped the PDO.
         for pdo in self._dictionary.read_pdos(self._dictionary.default, lambda _: None):
             entry = self._catalogue.find(pdo.name)
             if entry is not None and entry.type is message_type:
@@ -133,12 +133,13 @@ class BoundObjects:
                     return self._bindings[message_type]
         raise Abort(Reason.NO_MESSAGE, f"the file has no PDO for {message_type.__name__}")
 
-    # A command
+    # Writing
 
     def _write(self, index: int, message_type: type[Message], address: Address, value: Value) -> None:
-        """Keep a value. The last one of an object is the command; if it is refused, the object is as it was before."""
-        values, own = self._objects.values, (index, address[0])  # a slice is kept in the whole
-        # Noted when the first part is written: by the last one, half of the command is already in the objects.
+        """Keep a value; writing the last sub-index is the command. If it is refused, the object is restored."""
+        values = self._objects.values  # a slice is kept in the whole value
+        own = (index, address[0])
+        # Noted when the first sub-index is written.
         before = self._before.setdefault(index, {each: values[each] for each in values if each[0] in own})
         self._objects.put(address, value)
         members = self._dictionary.members[address[0]].items()
@@ -152,7 +153,7 @@ class BoundObjects:
                 raise
 
     def _message(self, index: int, binding: Binding) -> Message:
-        """Return the message with the values kept; raises Abort if one of its fields cannot hold its value."""
+        """Return the message with the kept values; raises Abort if a value does not fit its field."""
         kept = {field: self._bits_of((index, subindex)) for subindex, field in self._fields(index, binding)}
         try:
             message = binding.decode(binding.pack({f: value for f, value in kept.items() if isinstance(value, int)}))
@@ -163,25 +164,27 @@ class BoundObjects:
         return message
 
     def _bits_of(self, address: Address) -> Value:
-        """Return a value as a PDO carries it: of a REAL its bits."""
-        value, type_ = self._objects.kept(address), data_type(self._dictionary.members[address[0]][address[1]])
+        """Return a value as a PDO carries it: for a REAL its bits."""
+        value = self._objects.kept(address)
+        type_ = data_type(self._dictionary.members[address[0]][address[1]])
         return int.from_bytes(type_.write(value), "little") if type_ in REALS and value is not None else value
 
 
 SHORTEST_PERIOD = 0.001
-"""In seconds: what repeats after no time at all would always be due."""
+"""Shortest period of a repeated action, in s."""
 
 ValueT = TypeVar("ValueT")
 
 NumberOf: TypeAlias = Callable[[str], Any]
-"""Gives the number in a setting, by its ParameterNames, `Record.Member`: an int, or a float of a REAL."""
+"""Function from ParameterNames, `Record.Member`, to the number in a setting: an int, or a float for a REAL."""
 
 
 class Setting(Generic[ValueT]):
-    """The value that `read` makes of the numbers in the settings of a node with these `names`."""
+    """A value that `read` makes from the settings of a node with these `names`."""
 
     def __init__(self, names: Iterable[str], read: Callable[[NumberOf], ValueT]) -> None:
-        self.names, self.read = tuple(names), read
+        self.names = tuple(names)
+        self.read = read
 
     @overload
     def __get__(self, node: None, kind: type) -> Setting[ValueT]: ...
@@ -194,27 +197,27 @@ class Setting(Generic[ValueT]):
 
 
 def setting(name: str) -> Setting[int]:
-    """A number, as it is in the object: of a REAL32 a float."""
+    """Return the setting of a number as in the object; a float for a REAL32."""
     return Setting([name], lambda number: number(name))
 
 
 def seconds(name: str) -> Setting[float]:
-    """A time in seconds, which the object has in milliseconds."""
+    """Return the setting of a time in s, which the object has in ms."""
     return Setting([name], lambda number: number(name) / 1000)
 
 
 def period(name: str) -> Setting[float]:
-    """The period of something that repeats, in seconds: never 0, whatever a file says."""
+    """Return the setting of a period in s, which is never 0."""
     return Setting([name], lambda number: max(number(name) / 1000, SHORTEST_PERIOD))
 
 
 def scaled(name: str, unit: float) -> Setting[float]:
-    """A number times a unit."""
+    """Return the setting of a number times a unit."""
     return Setting([name], lambda number: number(name) * unit)
 
 
-def together(kind: Callable[..., ValueT], **parts: Setting[Any]) -> Setting[ValueT]:
-    """A value with several fields, each of them a setting."""
+def combined(kind: Callable[..., ValueT], **parts: Setting[Any]) -> Setting[ValueT]:
+    """Return the setting of a value with several fields, each of them a setting."""
     names = (name for each in parts.values() for name in each.names)
     return Setting(names, lambda number: kind(**{field: each.read(number) for field, each in parts.items()}))
 

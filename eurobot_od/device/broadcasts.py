@@ -1,8 +1,7 @@
-"""What a device sends to all: SYNC, TIME and emergencies; and what it does with SYNC and TIME of others.
+"""Broadcast services of a device, sending and receiving: SYNC, TIME and EMCY (CiA 301, 7.2.5 to 7.2.7).
 
-CiA 301, 7.2.5 to 7.2.7. There is no clock in here. The device's own time comes in, in seconds; for TIME only the
-difference is kept. When several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the
-next SYNC.
+There is no clock in this module. The device's time comes in, in s; for TIME only the difference is kept. If several
+frames of a PDO wait for a SYNC, the newest is used, and none is kept beyond the next SYNC.
 """
 
 from __future__ import annotations
@@ -21,15 +20,14 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.sdo.wire import Abort, Reason
 
-# SYNC: producer, synchronous TPDOs, RPDOs that wait (7.2.2.3, 7.5.2.5, 7.5.2.22)
+# SYNC: producer, synchronous TPDOs and RPDOs (7.2.2.3, 7.5.2.5, 7.5.2.22)
 
 
 COUNTERS = (0, *range(2, 241))
-"""Values that 0x1019 may have: 1 would count nothing, and all others are reserved (CiA 301, 7.5.2.22)."""
+"""Valid values of 0x1019; others are reserved (CiA 301, 7.5.2.22)."""
 
 ACYCLIC = 0
-"""Transmission type of a TPDO that goes with the next SYNC; with type n it goes with every n-th one (CiA 301, Tables 68
-and 72)."""
+"""Transmission type of a TPDO that is sent at the SYNC after a change (CiA 301, Tables 68 and 72)."""
 
 
 class SyncProducer:
@@ -41,12 +39,14 @@ class SyncProducer:
         self._overflow = self._count = 0
 
     def restart(self, period: float, overflow: int, now: float) -> None:
-        """Start over: the first SYNC comes after `period` seconds (0.0: none), and the counter starts at 1."""
+        """Start over: the first SYNC comes after `period` s (0.0: none), and the counter starts at 1."""
         self.next = now + period if period else inf  # within one period (CiA 301, 7.5.2.5)
-        self._period, self._overflow, self._count = period, overflow, 0
+        self._period = period
+        self._overflow = overflow
+        self._count = 0
 
     def due(self, now: float) -> list[bytes]:
-        """Return the data of the SYNC that is due, in a list of one or none."""
+        """Return the data of a SYNC if it is due, in a list."""
         if now < self.next:
             return []
         self.next = caught_up(self.next, now) + self._period
@@ -57,7 +57,7 @@ class SyncProducer:
 
 
 class Arrival(NamedTuple):
-    """A received PDO that takes effect with the next SYNC."""
+    """A received PDO that waits for SYNC."""
 
     binding: Binding
     data: bytes
@@ -65,10 +65,10 @@ class Arrival(NamedTuple):
 
 
 class Synchronous:
-    """The PDOs that follow SYNC.
+    """The synchronous PDOs.
 
-    `type_of` gives the transmission type of a PDO, None if it does not follow SYNC. `start_of` gives the number of the
-    SYNC that a TPDO starts with, 0 for any.
+    `type_of` returns the transmission type of a PDO, None if it is not synchronous. `start_of` returns the SYNC start
+    value of a TPDO, 0 for any.
     """
 
     def __init__(self, type_of: Callable[[Binding], int | None], start_of: Callable[[Binding], int]) -> None:
@@ -80,7 +80,7 @@ class Synchronous:
         self._arrived: dict[Binding, Arrival] = {}
 
     def restart(self, sent: Iterable[Binding], received: Iterable[Binding]) -> None:
-        """Start over with these PDOs and their present types; what was waiting is dropped."""
+        """Start over with these PDOs and their present types; waiting PDOs are dropped."""
         self._types = {each: n for each in (*sent, *received) if (n := self._type_of(each)) is not None}
         self._counts = {each: 0 for each in sent if each in self._types}
         self._starts = {each: start for each in self._counts if (start := self._start_of(each))}
@@ -91,7 +91,7 @@ class Synchronous:
         return binding in self._types
 
     def ask(self, binding: Binding) -> None:
-        """Note that the application has sent a TPDO; one of transmission type 0 goes with the next SYNC."""
+        """Note that the application has sent a TPDO; with transmission type 0 it is sent at the next SYNC."""
         self._asked.add(binding)
 
     def hold(self, arrival: Arrival) -> None:
@@ -99,17 +99,23 @@ class Synchronous:
         self._arrived[arrival.binding] = arrival
 
     def due(self, number: int | None) -> list[Binding]:
-        """Count a SYNC, and return the TPDOs that go with it; `number` is its counter, None if it has none."""
+        """Count a SYNC, and return the TPDOs to be sent with it; `number` is its counter, or None."""
         self._starts = {binding: start for binding, start in self._starts.items() if start != number}
         started = [each for each in self._counts if each not in self._starts]
         self._counts |= {each: self._counts[each] + 1 for each in started}
-        asked, self._asked = self._asked, set()
-        kinds = ((each, self._types[each]) for each in started)
-        return [each for each, n in kinds if (each in asked if n == ACYCLIC else self._counts[each] % n == 0)]
+        asked = self._asked
+        self._asked = set()
+
+        def is_due(binding: Binding) -> bool:
+            type_ = self._types[binding]
+            return binding in asked if type_ == ACYCLIC else self._counts[binding] % type_ == 0
+
+        return list(filter(is_due, started))
 
     def arrived(self) -> list[Arrival]:
-        """Return the PDOs that take effect now, and forget them."""
-        arrived, self._arrived = self._arrived, {}
+        """Return the PDOs that take effect now, and remove them."""
+        arrived = self._arrived
+        self._arrived = {}
         return list(arrived.values())
 
 
@@ -117,33 +123,33 @@ class Synchronous:
 
 
 TIME_CONSUMER, TIME_PRODUCER = 1 << 31, 1 << 30
-"""Bits of 0x1012: the device sets its clock by TIME, or sends TIME."""
+"""Bits of 0x1012: the device receives TIME, or sends it."""
 
 TIME_PERIOD = 1.0
-"""Seconds between two TIME messages; CiA 301 has no object for it."""
+"""Period of TIME in s; CiA 301 has no object for it."""
 
 TIME_LENGTH = 6
 MILLISECONDS = (1 << 28) - 1
-"""Bits of the first four bytes that hold the milliseconds after midnight; the others are reserved."""
+"""Mask of the milliseconds after midnight in the first four bytes; other bits are reserved."""
 
 
 class Clock:
-    """The device's clock, at day 0 until it is set. `next` is when TIME is sent again, infinite if it is not sent."""
+    """The device's clock, at day 0 until it is set. `next` is the time of the next TIME, infinite if it sends none."""
 
     def __init__(self) -> None:
         self.next = inf
         self._ahead = 0.0
 
     def at(self, now: float) -> datetime:
-        """Return the time that the clock shows."""
+        """Return the clock's time."""
         return EPOCH + timedelta(seconds=self._ahead + now)
 
     def set(self, time: datetime, now: float) -> None:
         """Set the clock."""
         self._ahead = (time - EPOCH).total_seconds() - now
 
-    def hear(self, data: bytes, now: float) -> None:
-        """Set the clock by a TIME message; one that has another length, or is not a time of day, is ignored."""
+    def receive(self, data: bytes, now: float) -> None:
+        """Set the clock by a TIME message; one with a wrong length or an invalid time is ignored."""
         milliseconds = int.from_bytes(data[:4], "little") & MILLISECONDS
         if len(data) == TIME_LENGTH and milliseconds < DAY:
             self._ahead = int.from_bytes(data[4:], "little") * (DAY // 1000) + milliseconds / 1000 - now
@@ -154,11 +160,11 @@ class Clock:
         return TimeOfDay(days & MOST_DAYS, milliseconds).data
 
     def restart(self, period: float, now: float) -> None:
-        """Start over: the time is sent first after `period` seconds (0.0: never)."""
+        """Start over: the first TIME is sent after `period` s (0.0: never)."""
         self.next = now + period if period else inf
 
     def due(self, now: float) -> list[bytes]:
-        """Return the data of the TIME that is due, in a list of one or none."""
+        """Return the data of a TIME message if it is due, in a list."""
         if now < self.next:
             return []
         self.next = caught_up(self.next, now) + TIME_PERIOD
@@ -166,13 +172,13 @@ class Clock:
 
 
 HISTORY = 8
-"""Most errors that 0x1003 remembers, newest first."""
+"""Number of errors in 0x1003, newest first."""
 
 WAITING = 16
-"""Most reports that wait for the inhibit time; 0x1003 still has the errors of those that are dropped."""
+"""Most EMCY messages that wait for the inhibit time; 0x1003 has the errors of dropped ones."""
 
 PASSING = 1.0
-"""Seconds for which a momentary error, such as an overrun, counts as present after it last happened."""
+"""Time for which a momentary error, such as an overrun, is present after its last occurrence, in s."""
 
 GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
 """Bits of the error register (CiA 301, Table 48)."""
@@ -185,14 +191,14 @@ REGISTER_BITS = (
 
 
 REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
-"""Bit of the error register by the highest digit of the code; every error sets the generic bit as well."""
+"""Bit of the error register by the highest digit of the code; every error also sets the generic bit."""
 
 
 class Emergencies:
-    """The errors of one device; `due` returns the EMCY frames to send.
+    """The errors of a device; `due` returns the EMCY frames to send.
 
-    `cob_id` gives the identifier in 0x1014 (None: no EMCY is sent), `inhibit` the seconds in 0x1015. `quiet` tells that
-    there is nothing to report, now or later. `errors` are the present errors, by what they concern.
+    `cob_id` returns the identifier in 0x1014 (None: no EMCY is sent), `inhibit` the time in 0x1015 in s. `quiet` is set
+    if there is nothing to report, now or later. `errors` are the present errors, by subject.
     """
 
     def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
@@ -212,65 +218,66 @@ class Emergencies:
             register |= GENERIC | REGISTER_BIT.get(code & 0xF000, 0)
         return register
 
-    # What happens
+    # Errors
 
     def raised(self, code: int, what: Hashable, info: bytes = b"") -> None:
-        """Note an error of `what`, with up to 5 bytes of manufacturer `info`; a known error is not reported again."""
+        """Note an error of `what`, with up to 5 bytes of `info`; a present error is not reported again."""
         if self.errors.get(what) != code:
             self.errors[what] = code
             self.history = [code, *self.history][:HISTORY]
             self._report(code, info)
 
     def cleared(self, what: Hashable) -> None:
-        """Note that the error of `what` is gone, if there was one."""
-        if self.errors.pop(what, None) is not None:  # first: the report has the register without it
+        """Note that the error of `what` is gone, if it was present."""
+        if self.errors.pop(what, None) is not None:  # first, because the report has the new error register
             self._report(ErrorCode.NO_ERROR, b"")
 
     def happened(self, code: int, now: float) -> None:
-        """Note a momentary error; it is gone when it has not happened again for a while."""
+        """Note a momentary error, which is cleared if it does not happen again for a while."""
         self._passing[code] = now + PASSING
-        self._free = max(self._free, now)  # a report that is due now is not late
+        self._free = max(self._free, now)
         self.quiet = False
         self.raised(code, code)
 
     def _report(self, code: int, info: bytes) -> None:
         self.quiet = False
-        # With the present register, not that of the time when the frame leaves: it belongs to this error.
+        # With the present register, which belongs to this error.
         self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
 
     # The error field
 
     def read_field(self, subindex: int) -> int:
-        """Return what 0x1003 has at a sub-index: the number of errors, or an error; raises Abort if there is none."""
+        """Return 0x1003 at a sub-index: the number of errors, or an error; raises Abort if there is none."""
         if subindex > len(self.history):
             raise Abort(Reason.NO_SUCH_ERROR)
         return self.history[subindex - 1] if subindex else len(self.history)
 
     def clear_field(self, _: Address, value: Value) -> None:
-        """Empty 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
+        """Clear 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
         if value != 0:
             raise Abort(Reason.ERRORS_NOT_CLEARED)
-        # Only the history: what is wrong stays wrong, and the error register goes on saying so.
+        # Only the history: present errors and the error register stay.
         self.history.clear()
 
-    # What is sent
+    # Sending
 
     @property
     def next(self) -> float:
-        """Time of the next report in seconds, infinite if none is planned."""
+        """Time of the next report, infinite if none is planned."""
         if self.quiet:
             return inf
         return min([*self._passing.values(), self._free if self._waiting else inf])
 
     def due(self, now: float) -> list[Frame]:
-        """Return the reports that the inhibit time lets go by now."""
+        """Return the frames that the inhibit time allows by now."""
         for code in [code for code, end in self._passing.items() if end <= now]:
             del self._passing[code]
             self.cleared(code)
         frames: list[Frame] = []
         while self._waiting and self._free <= now:
-            # Taken out even without an identifier: old reports must not go out when a master makes 0x1014 valid again.
-            data, cob_id = self._waiting.popleft(), self._cob_id()
+            # Dropped if EMCY is not valid, so that old reports are not sent later.
+            data = self._waiting.popleft()
+            cob_id = self._cob_id()
             frames += [] if cob_id is None else [Frame(cob_id, data)]
             self._free = now + inhibit if (inhibit := self._inhibit()) else self._free
         self.quiet = not self._waiting and not self._passing

@@ -1,4 +1,4 @@
-"""Error control: the device's own heartbeat, the heartbeats that it watches, and node guarding (CiA 301, 7.2.8.2.2)."""
+"""Error control: own heartbeat, consumed heartbeats, and node guarding (CiA 301, 7.2.8.2.2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from eurobot_od.device import nmt
 from eurobot_od.device.broadcasts import Emergencies
 from eurobot_od.device.nmt import NmtState, NmtStates
 from eurobot_od.device.objects import Objects
-from eurobot_od.device.reaction import Ear, Reaction
+from eurobot_od.device.reaction import FrameHandler, Reaction
 from eurobot_od.device.timers import caught_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import standard
@@ -18,9 +18,9 @@ from eurobot_od.sdo.wire import Abort, Reason
 
 
 class ErrorControl:
-    """The error control of a device from one reset to the next; all times are in s.
+    """Error control of a device from one reset to the next; all times are in s.
 
-    `own` is the COB-ID of its heartbeat, its boot-up message, and its answers to a master that guards it.
+    `own` is the COB-ID of its heartbeat, boot-up message, and answers to node guarding.
     """
 
     def __init__(self, objects: Objects, nmt_states: NmtStates, emergencies: Emergencies, node_id: int) -> None:
@@ -32,22 +32,22 @@ class ErrorControl:
 
     @property
     def next(self) -> float:
-        """Time at which something is due, infinite if nothing is."""
+        """Time of the next action, infinite if there is none."""
         return min(self._next_heartbeat, self._consumer.next, self._guarding.next)
 
     @property
-    def ears(self) -> dict[int | None, Ear]:
-        """What it does with each COB-ID: the heartbeats that it waits for."""
+    def handlers(self) -> dict[int | None, FrameHandler]:
+        """Handlers by COB-ID, for the consumed heartbeats."""
         return dict.fromkeys(self._consumer.identifiers, self._receive)
 
     @property
-    def remote_ears(self) -> dict[int, Ear]:
-        """What it does with remote frames: it is guarded, if the file has 0x100C."""
+    def remote_handlers(self) -> dict[int, FrameHandler]:
+        """Handlers of remote frames by COB-ID, for node guarding if the file has 0x100C."""
         is_guarded = standard.GUARD_TIME[0] in self._objects.dictionary.members
         return {self.own: self._answer_guard} if is_guarded else {}
 
     def configure(self) -> None:
-        """Follow the objects as they are now."""
+        """Update from the present objects."""
         self._consumer.configure(self._entries())
         self._guarding.configure(self._life_time())
 
@@ -56,21 +56,21 @@ class ErrorControl:
         return [self._objects.raw((standard.CONSUMED_HEARTBEATS, subindex)) for subindex in range(1, count + 1)]
 
     def _life_time(self) -> float:
-        """Return how long a guarding master may be silent; 0.0 for ever, or if heartbeats are used instead."""
+        """Return the life time of node guarding; 0.0 if it is infinite, or if heartbeats are used instead."""
         factor = 0 if self._objects.raw(standard.HEARTBEAT_TIME) else self._objects.raw(standard.LIFE_TIME_FACTOR)
         return self._objects.raw(standard.GUARD_TIME) / 1000 * factor
 
     # The own heartbeat
 
     def start(self, now: float) -> None:
-        """Begin the heartbeats, after a boot-up."""
+        """Start the heartbeat after a boot-up."""
         self._beating = False
         self._plan(now)
 
     def set_period(self, address: Address, value: Value, now: float) -> None:
-        """Write 0x1017: the heartbeat has another period from now on."""
+        """Write 0x1017, and start the heartbeat with its new period."""
         self._objects.put(address, value)
-        # Not when the rest of the old period is over, which may take a minute.
+        # At once, because the old period may be a minute.
         self._plan(now)
         self._guarding.configure(self._life_time())
 
@@ -79,7 +79,7 @@ class ErrorControl:
         self._next_heartbeat = now + period / 1000 if period else inf
 
     def first_heartbeat(self) -> list[Frame]:
-        """Return a heartbeat to send now, if there are heartbeats and none has been sent since the boot-up."""
+        """Return a heartbeat if none was sent since the boot-up."""
         if self._beating or self._next_heartbeat == inf:
             return []
         return self._heartbeat()
@@ -88,7 +88,7 @@ class ErrorControl:
         """Return the heartbeat if it is due."""
         if now < self._next_heartbeat:
             return []
-        # From its planned time, or each late call would put off all later heartbeats.
+        # From the planned time, so that late calls do not add up.
         self._plan(caught_up(self._next_heartbeat, now))
         return self._heartbeat()
 
@@ -96,14 +96,14 @@ class ErrorControl:
         self._beating = True
         return [nmt.error_control(self._node_id, self._nmt.state)]
 
-    # Those of others
+    # Heartbeats of other nodes
 
     def watch(self, address: Address, value: Value) -> None:
-        """Write 0x1016: watch another node's heartbeat; no node may be watched twice (CiA 301, 7.5.2.19)."""
+        """Write 0x1016; a node must not be watched twice (CiA 301, 7.5.2.19)."""
         node_id, time = nmt.heartbeat_entry(value if isinstance(value, int) else 0)
         entries = enumerate(self._entries(), 1)
         others = [nmt.heartbeat_entry(entry) for subindex, entry in entries if subindex != address[1]]
-        # With two times, one node would be lost by one of them and still there by the other.
+        # Two time-outs for one node would contradict each other.
         if time and any(node_id == other and others_time for other, others_time in others):
             raise Abort(Reason.WATCHED_TWICE)
         self._objects.put(address, value)
@@ -116,8 +116,9 @@ class ErrorControl:
         return Reaction([], booted=node_id if boot_up else None)
 
     def overdue(self, now: float) -> tuple[tuple[int, ...], bool]:
-        """Report what has fallen silent: return the node-IDs, and whether a master that guards this node is one."""
-        lost, unguarded = tuple(self._consumer.overdue(now)), self._guarding.overdue(now)
+        """Report lost nodes by EMCY; return their node-IDs, and whether a guarding master is lost."""
+        lost = tuple(self._consumer.overdue(now))
+        unguarded = self._guarding.overdue(now)
         for node_id in lost:
             self._emergencies.raised(ErrorCode.HEARTBEAT_LOST, (nmt.HeartbeatConsumer, node_id), bytes([node_id]))
         if unguarded:
@@ -125,7 +126,7 @@ class ErrorControl:
         return lost, bool(unguarded)
 
     def _answer_guard(self, _: Frame, now: float) -> Reaction:
-        """Answer that the device is there; a device that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""
+        """Answer node guarding, unless the device sends heartbeats (CiA 301, 7.2.8.2.2)."""
         if self._objects.raw(standard.HEARTBEAT_TIME):
             return Reaction([])
         if self._guarding.missed:

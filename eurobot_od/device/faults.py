@@ -1,12 +1,11 @@
-"""Faults on demand: what can be wrong with a device, each as a class of node that does just that; and their hooks.
+"""Faults of devices on demand: each is a mixin class for a node; and the functions that make such classes.
 
-A hook returns a class to be put between a node's class and `Node`, where it overrides what `Node` offers to everybody:
-`handle`, `reset`, `setting`, `receive`; what leaves a node goes through `Leaving.outgoing`. The node's own class is as
-it is and knows nothing of faults. Several hooks can stand in front of one node: what arrives passes the first of them
-first, what leaves the last.
+A mixin comes before the node's class and overrides methods of `Node`: `handle`, `reset`, `setting`, `receive`; frames
+to send go through `Leaving.outgoing`. The node's own class does not change. With several mixins, received frames pass
+the first one first, frames to send the last one.
 
-Every fault names the step of a suite that finds it. Here are those of any device, and of drives (CiA 402). What can be
-wrong with the nodes of one network only, such as the robot's, stands with those nodes, made of the same hooks.
+Every fault names the step of a suite that finds it. Here are the faults of any device, and of drives (CiA 402). Faults
+of the nodes of one network, such as the robot's, are with those nodes.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ NodeT = TypeVar("NodeT", bound=Node)
 
 
 class Caught(NamedTuple):
-    """The step of a suite that turns red: the one whose name says what is wrong."""
+    """The step of a suite that finds a fault."""
 
     suite: str
     step: str
@@ -48,9 +47,9 @@ class Caught(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """Something that is wrong with a node.
+    """A fault of a node.
 
-    `mixin` is the class that goes in front of the node's class; `text` says what the node does wrong.
+    `mixin` is the class before the node's class; `text` describes the fault.
     """
 
     text: str
@@ -58,15 +57,15 @@ class Fault(NamedTuple):
     caught_by: Caught
 
     def given_to(self, role: type[NodeT]) -> type[NodeT]:
-        """Return the class of a node that has this fault."""
+        """Return a node's class with this fault."""
         return type(role.__name__, (self.mixin, role), {})
 
 
-# Of messages
+# Faults of messages
 
 
 class Wrong(NamedTuple):
-    """What may be wrong with any message: how the fault's sentence goes, `{}` for the message, and what makes it."""
+    """A kind of fault for any message: description, with `{}` for the message, and function that makes the mixin."""
 
     text: str
     mixin: Callable[[type[Message]], Mixin]
@@ -86,77 +85,80 @@ READ_REVERSED = Wrong("reads the bytes of {} the wrong way round", lambda messag
 
 OF_SENDER = {"not-sent": NOT_SENT, "sent-twice": TWICE, "moved": MOVED}
 OF_RECEIVER = {"not-heard": NOT_HEARD}
-"""What can be wrong with every message in its sender and in its receivers, by the end of the fault's name."""
+"""Faults of every message in its sender, and in its receivers, by the suffix of the fault's name."""
 
 NO_STEP = Caught("", "")
-"""A fault that no step of a shipped suite is promised to find."""
+"""For a fault that the shipped suites need not find."""
 
 
 def sent_late(seconds: float) -> Wrong:
-    """Return what is wrong with a message that is held back for some seconds."""
+    """Return the fault of a message that is delayed by `seconds`."""
     return Wrong(f"sends {{}} {texts.text(seconds)} late", lambda message: late(message, seconds))
 
 
 def words(message: type[Message]) -> str:
-    """Write a message's name as the document does: `Goto XY`, `Enemy 1 Position Request`."""
+    """Return a message's name as in the document: `Goto XY`, `Enemy 1 Position Request`."""
     return re.sub(r"(?<=[a-z])(?=[A-Z0-9])|(?<=[0-9])(?=[A-Z])", " ", message.__name__)
 
 
 def generated(binding: Binding, node: str) -> dict[str, Fault]:
-    """Make the faults of a message in one of its nodes, by their names: those of several nodes have the node in it."""
+    """Return the faults of a message in one of its nodes by name; the name has the node if there are several."""
     order = {"reversed": REVERSED} if binding.layout.length > 1 else {}  # one byte reversed is itself
-    name, made = words(binding.type).lower().replace(" ", "-"), {}
+    name = words(binding.type).lower().replace(" ", "-")
+    made = {}
     for nodes, kinds in ((binding.senders, {**OF_SENDER, **order}), (binding.receivers, OF_RECEIVER)):
-        for end, wrong in kinds.items() if node in nodes else ():
+        if node not in nodes:
+            continue
+        for end, wrong in kinds.items():
             fault = NO_STEP.fault(wrong.text.format(words(binding.type)), wrong.mixin(binding.type))
-            # A message of several senders has a fault in each of them, and the command line names faults, not nodes.
+            # With the node's name, because the command line has only the fault's name.
             made[f"{name}-{end}-by-{node}" if len(nodes) > 1 else f"{name}-{end}"] = fault
     return made
 
 
 Mixin: TypeAlias = type[Node]
-"""A class that goes in front of a node's class."""
+"""A class that comes before a node's class."""
 
 FrameChange: TypeAlias = Callable[[Any, Frame], Iterable[Frame]]
-"""What becomes of a frame: nothing, itself, another one, several."""
+"""Function from node and frame to the frames that replace it."""
 
 ServiceCobId: TypeAlias = "Callable[[Node], int | None]"
-"""The COB-ID of a CANopen service of a node, None if it does not have that."""
+"""Function from a node to the COB-ID of one of its services, or None."""
 
 Which: TypeAlias = "type[Message] | ServiceCobId"
-"""Which frames: those of a message, or those of a service."""
+"""Selection of frames: those of a message, or of a service."""
 
 React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
-"""What a node does with a message: the node, the message, and the healthy reaction to call or not."""
+"""Handler of a message: called with node, message, and the node's normal handler."""
 
 
 def heartbeat(node: Node) -> int:
-    """Boot-up and heartbeat."""
+    """Return the COB-ID of boot-up and heartbeat."""
     return ERROR_CONTROL_BASE + node.device.node_id
 
 
 def emcy(node: Node) -> int | None:
-    """Emergency messages."""
+    """Return the COB-ID of EMCY."""
     return node.device.objects.cob_id(EMCY)
 
 
 def sdo_answer(node: Node) -> int:
-    """Answers of the SDO server."""
+    """Return the COB-ID of the SDO server's answers."""
     return node.device.sdo_service.answers
 
 
 def sdo_request(node: Node) -> int:
-    """Requests to the SDO server."""
+    """Return the COB-ID of requests to the SDO server."""
     return node.device.sdo_service.requests
 
 
 def sync(node: Node) -> int:
-    """SYNC, sent or heard."""
+    """Return the COB-ID of SYNC."""
     return node.device.objects.raw(SYNC) & BASE_IDENTIFIER
 
 
 def nmt(_node: Node) -> int:
-    """NMT commands."""
+    """Return the COB-ID of NMT."""
     return NMT_COB_ID
 
 
@@ -168,10 +170,10 @@ def _cob_id(node: Node, which: Which) -> int | None:
 
 
 class Leaving(Node):
-    """A node whose frames to send go through `outgoing`, whichever of its methods returns them."""
+    """A node whose frames to send all go through `outgoing`."""
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
-        """Return the frames that really leave."""
+        """Return the frames that are really sent."""
         return frames
 
     def start(self, now: float) -> list[Frame]:
@@ -197,7 +199,7 @@ class Leaving(Node):
 
 
 def leaving(which: Which, change: FrameChange) -> Mixin:
-    """Have `change` applied to frames that leave the node."""
+    """Return the mixin that applies `change` to frames to send."""
 
     class Changed(Leaving):
         def outgoing(self, frames: list[Frame]) -> list[Frame]:
@@ -207,7 +209,7 @@ def leaving(which: Which, change: FrameChange) -> Mixin:
 
 
 def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
-    """Have frames that leave the node changed by their number, from 1 on with each start or reset of the node."""
+    """Return the mixin that changes frames to send by their number, from 1 on after each start or reset."""
 
     class Numbered(Leaving):
         def reset(self) -> None:
@@ -222,7 +224,7 @@ def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
 
 
 def late(which: Which, seconds: float) -> Mixin:
-    """Hold frames back for some seconds before they leave the node."""
+    """Return the mixin that delays frames to send by `seconds`."""
 
     class Late(Leaving):
         def reset(self) -> None:
@@ -231,8 +233,9 @@ def late(which: Which, seconds: float) -> Mixin:
 
         def outgoing(self, frames: list[Frame]) -> list[Frame]:
             in_time = _changed(super().outgoing(frames), _cob_id(self, which), self._hold)
-            # Whatever the node sends next takes along what is due: the timer below makes it send at that time.
-            due, self._due = self._due, []
+            # The timer in `_hold` makes the node send at that time.
+            due = self._due
+            self._due = []
             return in_time + due
 
         def _hold(self, frame: Frame) -> Iterable[Frame]:
@@ -243,11 +246,11 @@ def late(which: Which, seconds: float) -> Mixin:
 
 
 def arriving(which: Which, change: FrameChange) -> Mixin:
-    """Have `change` applied to frames before the node gets them."""
+    """Return the mixin that applies `change` to frames before the node receives them."""
 
     class Arriving(Node):
         def receive(self, frame: Frame, now: float) -> list[Frame]:
-            # Asked for each frame: COB-IDs are objects, which a master may write.
+            # For each frame, because a master may change COB-IDs.
             arrived = change(self, frame) if frame.cob_id == _cob_id(self, which) else [frame]
             return [answer for each in arrived for answer in super(Arriving, self).receive(each, now)]
 
@@ -255,7 +258,7 @@ def arriving(which: Which, change: FrameChange) -> Mixin:
 
 
 def handling(message_type: type[Message], react: React) -> Mixin:
-    """Have `react` do what the node should do with a message."""
+    """Return the mixin that handles a message by `react`."""
 
     class Handling(Node):
         def handle(self, message: Message) -> None:
@@ -268,7 +271,7 @@ def handling(message_type: type[Message], react: React) -> Mixin:
 
 
 def preset(setting: str, value: int) -> Mixin:
-    """Have a setting another value than the object dictionary says."""
+    """Return the mixin with another value of a setting than the object dictionary's."""
 
     class Preset(Node):
         def setting(self, name: str) -> float:
@@ -278,7 +281,7 @@ def preset(setting: str, value: int) -> Mixin:
 
 
 def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
-    """Have the node answer remote frames differently; None leaves one to the node."""
+    """Return the mixin that answers remote frames; `answer` returns None to leave one to the node."""
 
     class Asked(Node):
         def requested(self, cob_id: int, now: float) -> list[Frame]:
@@ -289,7 +292,7 @@ def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
 
 
 def after_reset(action: Callable[[Any], object]) -> Mixin:
-    """Have `action` called with the node after its start and each reset."""
+    """Return the mixin that calls `action` with the node after its start and each reset."""
 
     class AfterReset(Node):
         def reset(self) -> None:
@@ -300,19 +303,19 @@ def after_reset(action: Callable[[Any], object]) -> Mixin:
 
 
 def other_value(choose: Callable[[Node], Address | None]) -> Mixin:
-    """Give an object another value after power-on than the file says."""
+    """Return the mixin with another value of an object after power-on than the file's."""
 
     def change(node: Node) -> None:
         address = choose(node)
         if address is not None:
-            # the lowest bit: another value, and one that any whole number's type has
+            # Inverting the lowest bit is valid for any whole number.
             node.device.objects.values[address] = node.device.objects.raw(address) ^ 1
 
     return after_reset(change)
 
 
 def every(seconds: float, action: Callable[[Any], object]) -> Mixin:
-    """Have `action` called with the node again and again, from its start on."""
+    """Return the mixin that calls `action` with the node periodically from its start on."""
 
     def again(node: Node, now: float) -> None:
         action(node)
@@ -322,76 +325,79 @@ def every(seconds: float, action: Callable[[Any], object]) -> Mixin:
 
 
 def _changed(frames: Iterable[Frame], cob_id: int | None, change: Callable[[Frame], Iterable[Frame]]) -> list[Frame]:
-    """Return the frames with what becomes of those that have a COB-ID."""
-    return [left for frame in frames for left in (change(frame) if frame.cob_id == cob_id else [frame])]
+    """Return the frames, with those of one COB-ID replaced by `change`."""
+    found: list[Frame] = []
+    for frame in frames:
+        found += change(frame) if frame.cob_id == cob_id else [frame]
+    return found
 
 
 # Changes
 
 
 def kept(_node: Node, frame: Frame) -> Iterable[Frame]:
-    """It comes as it is."""
+    """Keep the frame."""
     return (frame,)
 
 
 def lost(_node: Node, _frame: Frame) -> Iterable[Frame]:
-    """Nothing arrives."""
+    """Lose the frame."""
     return ()
 
 
 def twice(_node: Node, frame: Frame) -> Iterable[Frame]:
-    """It comes twice."""
+    """Double the frame."""
     return frame, frame
 
 
 def only(wanted: Callable[[bytes], bool]) -> FrameChange:
-    """Lose the frames whose data bytes are not as wanted."""
+    """Return the change that loses frames whose data is not `wanted`."""
     return lambda _, frame: [frame] if wanted(frame.data) else []
 
 
 def without(start: int | bytes) -> FrameChange:
-    """Lose the frames whose data begin like this."""
+    """Return the change that loses frames whose data begins like this."""
     return only(lambda data: not data.startswith(bytes([start]) if isinstance(start, int) else start))
 
 
 def data(change: Callable[[bytes], bytes]) -> FrameChange:
-    """Change a frame's data bytes."""
+    """Return the change of a frame's data."""
     return lambda _, frame: [Frame(frame.cob_id, change(frame.data))]
 
 
 def moved(offset: int) -> FrameChange:
-    """Send a frame under a COB-ID that is `offset` higher."""
+    """Return the change that adds `offset` to the COB-ID."""
     return lambda _, frame: [Frame(frame.cob_id + offset, frame.data)]
 
 
 def unawaited(answer: Message) -> FrameChange:
-    """Have the node believe at once that a request is answered, whether or not an answer comes."""
+    """Return the change that makes the node handle the answer to a request at once, without waiting for it."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
-        node.soon(lambda _: node.handle(answer))  # not now: the node is in the middle of sending the request
+        node.soon(lambda _: node.handle(answer))  # later, because the node is just sending the request
         return [frame]
 
     return changed
 
 
-# Faults of any device: in network management, heartbeat, guarding, emergencies, SDO, TPDOs and SYNC
+# Faults of any device: NMT, heartbeat, guarding, EMCY, SDO, TPDOs and SYNC
 
 
 MADE = "conformance"
-"""The suites that are made from a device's file."""
+"""Name of the suites that are made from a device's file."""
 
 BOOT_UP = NmtState.INITIALISING
 
 BOOTED = 1
-"""The number of the boot-up message among the heartbeats; the first heartbeat is the next one."""
+"""Number of the boot-up message among the heartbeats."""
 
 
 class AlwaysOperational(Node):
-    """Goes on with its work in every NMT state."""
+    """Works in every NMT state."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         state = self.device.state
-        # It hears commands and says its true state: what is wrong is only what it does in that state.
+        # NMT commands and heartbeat are not affected.
         if frame.cob_id == NMT_COB_ID or state is NmtState.INITIALISING:
             return super().receive(frame, now)
         self.device.state = NmtState.OPERATIONAL
@@ -401,7 +407,7 @@ class AlwaysOperational(Node):
 
 
 class WritesForgotten(Node):
-    """Confirms what is written by SDO and forgets it."""
+    """Confirms writes by SDO without effect."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         is_request = frame.cob_id == sdo_request(self) and len(frame.data) == wire.LENGTH
@@ -424,13 +430,13 @@ def _operational(node: Node) -> None:
 
 
 def _babble(node: Node) -> None:
-    # an error that lasts is reported once; one that comes and goes, each time it comes and each time it goes
+    # A lasting error would be reported only once.
     node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
     node.clear_error("babble")
 
 
 def _always_operational(content: bytes) -> bytes:
-    # the boot-up has the same COB-ID, and is another fault's
+    # The boot-up message has the same COB-ID.
     return content if content[0] == BOOT_UP else bytes([NmtState.OPERATIONAL])
 
 
@@ -440,13 +446,13 @@ def _abort_general(content: bytes) -> bytes:
 
 
 def _wrong_crc(content: bytes) -> bytes:
-    # It is in bytes 1 and 2 of the end alone; the initiate has the same specifier (CiA 301, 7.2.4.3.14).
+    # Bytes 1 and 2 of the end are the CRC; the initiate has the same specifier (CiA 301, 7.2.4.3.14).
     is_end = content[0] >> 5 == wire.ServerCommand.BLOCK_UPLOAD and content[0] & 3 == wire.Block.END
     return bytes([content[0], content[1] ^ 1]) + content[2:] if is_end else content
 
 
 def found_by(suite: str, *rows: tuple[str, str, str, Mixin]) -> dict[str, Fault]:
-    """Return the faults that the steps of one suite find; a row has the fault's name, its text, the step, the mixin."""
+    """Return the faults that one suite finds; a row has the fault's name, its description, the step, and the mixin."""
     return {name: Caught(suite, step).fault(text, mixin) for name, text, step, mixin in rows}
 
 
@@ -484,7 +490,7 @@ FAULTS = {
          leaving(emcy, without(ErrorCode.NO_ERROR.to_bytes(2, "little")))),
         ("sdo-not-answered", "answers no SDO request", "7.5.2.1 SDO: the device type is readable",
          arriving(sdo_request, lost)),
-        # bytes 4 to 7 are the value of an expedited answer, filled up with zeros: 1000 comes as 0xE8030000
+        # Bytes 4 to 7 are the value of an expedited answer, padded with zeros: 1000 becomes 0xE8030000.
         ("sdo-value-reversed", "sends the bytes of values the wrong way round",
          "7.5.2.20 SDO: the heartbeat time is 1000 ms",
          leaving(sdo_answer, data(lambda data: data[:4] + data[:3:-1]))),
@@ -518,27 +524,28 @@ FAULTS = {
 }  # fmt: skip
 
 
-# Faults of drives: in the motor, its encoder, or in what becomes of commands; steps of `check --profile 402` find them
+# Faults of drives: motor, encoder, commands; found by `check --profile 402`
 
 
 OVERCURRENT, ENCODER = 0x2310, 0x7305
-"""Error codes: continuous over-current, and sensor 1 (CiA 402-1)."""
+"""Error codes of continuous over-current, and of sensor 1 (CiA 402-1)."""
 
 HOLDS = 0.2
-"""Seconds with torque after which the over-current comes."""
+"""Time with torque before the over-current, in s."""
 
 
 class BlockedAxis(DriveAxis):
-    """Its motor does not turn."""
+    """The motor is blocked."""
 
     def step(self) -> None:
         place = self.motor.position
         super().step()
-        self.motor.position, self.motor.velocity = place, 0.0
+        self.motor.position = place
+        self.motor.velocity = 0.0
 
 
 class OvercurrentAxis(DriveAxis):
-    """Its current is too high for the power stage."""
+    """The current is too high for the power stage."""
 
     powered_for = 0.0
 
@@ -554,7 +561,7 @@ class OvercurrentAxis(DriveAxis):
 
 
 class EncoderLostAxis(DriveAxis):
-    """Its encoder is lost as soon as it has turned a little."""
+    """The encoder fails after a quarter turn."""
 
     def step(self) -> None:
         super().step()
@@ -563,7 +570,7 @@ class EncoderLostAxis(DriveAxis):
 
 
 class NeverEnablesAxis(DriveAxis):
-    """It stays in Switched on."""
+    """The drive stays in Switched on."""
 
     def take(self, arrow: Transition) -> None:
         if arrow.after is not State.ENABLED:
@@ -571,7 +578,7 @@ class NeverEnablesAxis(DriveAxis):
 
 
 class HomingStuckAxis(DriveAxis):
-    """It starts homing and never gets on with it."""
+    """Homing starts and does not move."""
 
     def lead(self) -> None:
         if not isinstance(self._mode, Homing):
@@ -579,14 +586,14 @@ class HomingStuckAxis(DriveAxis):
 
 
 class QuickStopIgnoredAxis(DriveAxis):
-    """It does not hear the quick stop."""
+    """The drive ignores quick stop."""
 
     def arrow(self, command: DriveCommand | None) -> Transition | None:
         return None if command is DriveCommand.QUICK_STOP else super().arrow(command)
 
 
 class ResetIgnoredAxis(DriveAxis):
-    """It cannot leave Fault."""
+    """The drive cannot leave Fault."""
 
     def take(self, arrow: Transition) -> None:
         if arrow.before is not State.FAULT:
@@ -594,7 +601,7 @@ class ResetIgnoredAxis(DriveAxis):
 
 
 class NeverReachedAxis(DriveAxis):
-    """It does not say that it has reached its target."""
+    """The drive never reports that it has reached its target."""
 
     @property
     def statusword(self) -> int:
@@ -602,7 +609,7 @@ class NeverReachedAxis(DriveAxis):
 
 
 class HastyAxis(DriveAxis):
-    """It enables without being commanded to switch on first."""
+    """The drive enables operation without being switched on first."""
 
     def arrow(self, command: DriveCommand | None) -> Transition | None:
         if self.state is State.DISABLED and command is DriveCommand.ENABLE:

@@ -1,6 +1,6 @@
-"""What a node is told besides its messages: a subclass overrides what it wants to know.
+"""Events of a node other than messages, as methods for subclasses.
 
-All of them are called with the node's guard held, from `receive`, `tick` or `restart`, except where it is said.
+All of them are called with the node's guard held, from `receive`, `tick` or `restart`, unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -12,30 +12,30 @@ from eurobot_od.frame import Frame
 
 
 class NodeHooks:
-    """What can happen to a node; by default nothing comes of it."""
+    """Methods for events of a node; by default they do nothing."""
 
     def halted(self) -> None:
         """The node is no longer OPERATIONAL."""
 
     def cut_off(self) -> None:
-        """The bus is lost, so nobody can command the node: by default the same as `halted`."""
+        """The bus is lost, so that nobody can command the node; by default the same as `halted`."""
         self.halted()
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Another node has fallen silent."""
+        """The heartbeat of another node is lost."""
 
     def booted(self, node_id: int) -> None:
-        """A watched node has booted and so has forgotten everything."""
+        """A watched node has booted, and so has lost its state."""
 
     def answered(self, frame: Frame) -> None:
         """Another node has answered one of our SDO requests."""
 
     def leave(self) -> Call[Any] | None:
-        """Begin what has to be done before the node is switched off; return its call, None if there is nothing to do.
+        """Start the last actions before the node is switched off; return their call, or None.
 
-        Whoever runs the node waits for the call before they end it. It may be called from any thread.
+        The caller waits for the call before it ends the node. It may be called from any thread.
         """
         return None
 
     def switched_off(self) -> None:
-        """Give up whatever anybody still waits for: `receive` and `tick` will not be called again."""
+        """Cancel all pending calls: `receive` and `tick` will not be called again."""

@@ -1,7 +1,7 @@
-"""The device's side of the layer setting services: it is found by its identity, and given node-ID and bit rate.
+"""LSS slave: a device is identified by LSS, and its node-ID and bit rate are configured (CiA 305).
 
-CiA 305. There is no clock and no bus in here: the data of requests and the time in seconds go in, the data of answers
-comes out. A request that CiA 305 does not allow in the present state, and one that is malformed, has no answer.
+There is no clock and no bus in this module: input is the data of requests and the time in s, output is the data of
+answers. A malformed request, or one that the state does not allow, has no answer.
 """
 
 from __future__ import annotations
@@ -16,31 +16,31 @@ from eurobot_od.od.standard import ANY_BIT, BIT_RATES, LENGTH, LSS_IDENTITY, UNC
 from eurobot_od.od.values import NODE_IDS
 
 KBIT = {index: kbit for kbit, index in BIT_RATES.items()}
-"""Bit rate in kbit/s by its index in the standard table."""
+"""Bit rates in kbit/s by index in the standard table."""
 
 OK = b"\0"
 REFUSED = b"\1"
-"""Error code for a node-ID or a bit rate that the device cannot have."""
+"""Error code for an unsupported node-ID or bit rate."""
 NOT_STORED = b"\2"
-"""Error code of a device that cannot access its storage."""
+"""Error code for a failed storage."""
 
 BITS = range(32)
 PARTS = range(len(LSS_IDENTITY))
 
 
 class Commissioning(NamedTuple):
-    """What LSS configures: the node-ID, 255 for none, and the bit rate in kbit/s."""
+    """Values that LSS configures: node-ID, 255 for none, and bit rate in kbit/s."""
 
     node_id: int = UNCONFIGURED
     kbit: int = 500
 
 
 class LssSlave:
-    """A device as LSS sees it, with an `identity` of vendor-ID, product code, revision and serial number.
+    """LSS slave of a device; `identity` is vendor-ID, product code, revision and serial number.
 
-    `stored` is what it has after power-on, `pending` what was configured since, `active` what is in force. `supported`
-    are its bit rates in kbit/s. `store` keeps a commissioning over power-off, and returns whether it could. Until
-    `silent_until`, in s, the device changes its bit rate, and neither sends nor hears anything.
+    `stored` are the values after power-on, `pending` the configured ones, `active` the present ones. `supported` are
+    the bit rates in kbit/s. `store` stores a commissioning, and returns whether that succeeded. Until `silent_until`,
+    in s, the device changes its bit rate, and neither sends nor receives.
     """
 
     def __init__(
@@ -59,7 +59,8 @@ class LssSlave:
 
     @classmethod
     def of(cls, dictionary: Dictionary, commissioning: Commissioning, serial: int | None = None) -> LssSlave:
-        """Return the slave of a device with a file: its identity, with another `serial` unless None, and bit rates."""
+        """Return the LSS slave of a device with its file's identity and bit rates; `serial` replaces the serial
+        number."""
         said = dictionary.device.document.text
         supported = [kbit for kbit in BIT_RATES if said("deviceinfo", f"baudrate_{kbit}") == "1"]
         *kind, own = Identity.of(dictionary)
@@ -67,21 +68,21 @@ class LssSlave:
 
     @property
     def needs_boot(self) -> bool:
-        """Whether a device without a node-ID has been given one, and configuring it has ended: now it boots."""
+        """Whether a device has got its first node-ID, and its configuration has ended, so that it boots."""
         is_new = self.active.node_id == UNCONFIGURED != self.pending.node_id
         return is_new and self.state is LssState.WAITING
 
     def power_on(self) -> None:
-        """Take over what was stored, as a reset of the node does."""
+        """Use the stored values, as a reset of the node does."""
         self.pending = self.stored
         self.activate()
 
     def activate(self) -> None:
-        """Take over the pending node-ID, as a reset of the communication does."""
+        """Use the pending node-ID, as a reset of the communication does."""
         self.active = self.active._replace(node_id=self.pending.node_id)
 
     def receive(self, data: bytes, now: float) -> bytes | None:
-        """Take in the data of a request, and return those of the answer; None if there is none."""
+        """Handle the data of a request, and return the data of the answer, or None."""
         self._now = now
         service = SERVICES.get(data[0]) if len(data) == LENGTH else None
         if service is None or self.state not in service.states:
@@ -97,16 +98,18 @@ class LssSlave:
             self._selected = self._position = 0
 
     def _select(self, command: int, rest: bytes) -> bytes | None:
-        """Enter configuration state once all four parts of the identity have come in their order."""
+        """Enter the configuration state once all four parts of the identity have come in order."""
         self._selected = self._agreed(self._selected, command - Lss.SELECT, _number(rest), self.identity)
         if self._selected < len(self.identity):
             return None
-        self.state, self._selected = LssState.CONFIGURATION, 0
+        self.state = LssState.CONFIGURATION
+        self._selected = 0
         return bytes([Lss.SELECTED])
 
     def _fastscan(self, _: int, rest: bytes) -> bytes | None:
-        """Confirm that the bits from the highest down to the named one are ours, and note which part is asked next."""
-        number, (bit, part, then) = _number(rest), rest[4:7]
+        """Confirm the bits of an identity part from the highest down to the given one, and note the next part."""
+        number = _number(rest)
+        (bit, part, then) = rest[4:7]
         is_meant = self.active.node_id == self.pending.node_id == UNCONFIGURED
         if not is_meant or not {part, then} <= {*PARTS}:
             return None
@@ -123,10 +126,11 @@ class LssSlave:
     # Identifying
 
     def _identify(self, command: int, rest: bytes) -> bytes | None:
-        """Confirm vendor, product, and ranges of revision and serial number that have come in their order."""
-        part, number = command - Lss.IDENTIFY, _number(rest)
+        """Confirm vendor, product, and ranges of revision and serial number that have come in order."""
+        part = command - Lss.IDENTIFY
+        number = _number(rest)
         vendor, product, revision, serial = self.identity
-        # A bound agrees if the device's number is within it, so the number itself is then what is wanted.
+        # A limit agrees if the device's number is within it.
         within = min(number, revision), max(number, revision), min(number, serial), max(number, serial)
         wanted = vendor, product, *within
         self._identified = self._agreed(self._identified, part, number, wanted)
@@ -137,7 +141,7 @@ class LssSlave:
 
     @staticmethod
     def _agreed(before: int, part: int, number: int, wanted: tuple[int, ...]) -> int:
-        """Return how many parts have agreed, now that one more has come; a part out of order starts over."""
+        """Return the number of parts that have agreed; a part out of order restarts the count."""
         if part == 0:
             before = 0
         return before + 1 if part == before and number == wanted[part] else 0
@@ -163,7 +167,7 @@ class LssSlave:
 
     def _activate_bit_timing(self, _: int, rest: bytes) -> None:
         delay = int.from_bytes(rest[:2], "little") / 1000
-        # The delay twice: until everybody has stopped sending, and until everybody has the new rate.
+        # Twice the delay: until all devices have stopped sending, and until all have the new bit rate.
         self.silent_until = self._now + 2 * delay
         self.active = self.active._replace(kbit=self.pending.kbit)
 
@@ -183,7 +187,7 @@ class LssSlave:
 
 
 class LssService(NamedTuple):
-    """A service of the slave: what it does with a command and the bytes after it, and the states that have it."""
+    """A service of the slave: its function, and the states in which it is available."""
 
     act: Callable[[LssSlave, int, bytes], bytes | None]
     states: Collection[LssState] = (LssState.CONFIGURATION,)
@@ -205,7 +209,7 @@ SERVICES: Final[Mapping[int, LssService]] = {
     **{Lss.INQUIRE + part: LssService(LssSlave._inquire) for part in PARTS},
     Lss.INQUIRE_NODE_ID: LssService(LssSlave._inquire_node_id),
 }
-"""The slave's services by the command specifiers of their requests (CiA 305)."""
+"""Services by command specifier of the request (CiA 305)."""
 
 
 def _number(rest: bytes) -> int:

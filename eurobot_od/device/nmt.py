@@ -1,8 +1,7 @@
-"""Network management: NMT states and commands, boot-up, heartbeat, watching other nodes, node guarding.
+"""Network management: NMT states and commands, boot-up, heartbeat, heartbeat consumer, node guarding.
 
-CiA 301, 7.2.8 and 7.3.2. The state machine is one table, and its result says who resets what. There is no clock and no
-bus in here: times are in seconds. A node that is watched, or a master that guards, counts as lost only after it was
-heard once.
+CiA 301, 7.2.8 and 7.3.2. There is no clock and no bus in this module; times are in s. A watched node, or a guarding
+master, can be lost only after it was heard once.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ class NmtState(IntEnum):
 
 
 STATE_NAMES: Mapping[int, str] = {each: each.name.lower().replace("_", "-") for each in NmtState} | {0: "boot-up"}
-"""What a heartbeat says, by the state in it; the only one ever heard with INITIALISING is the boot-up message."""
+"""Names of the states in a heartbeat; one with INITIALISING is the boot-up message."""
 
 
 class Services(NamedTuple):
-    """Which services a device has in an NMT state (CiA 301, 7.3.2.2.4)."""
+    """Services that are available in an NMT state (CiA 301, 7.3.2.2.4)."""
 
     nmt: bool = False
     emcy: bool = False
@@ -48,9 +47,9 @@ SERVICES = {
 
 
 class NmtStates:
-    """The NMT state machine of a device: its `state`, and which services it has in it (CiA 301, 7.3.2.2.4).
+    """The NMT state machine of a device: its `state`, and the services in that state (CiA 301, 7.3.2.2.4).
 
-    It `listens` to frames at all, `reports` by SYNC, TIME and EMCY, `serves` SDO, and is `operational`: has PDOs.
+    The flags are: `listens` (receives frames), `reports` (SYNC, TIME, EMCY), `serves` (SDO), `operational` (PDOs).
     """
 
     def __init__(self) -> None:
@@ -86,7 +85,7 @@ COMMAND_NAMES: Mapping[int, str] = {
     NmtCommand.RESET_NODE: "reset",
     NmtCommand.RESET_COMMUNICATION: "reset communication",
 }
-"""What a person calls each command: on the command line, in suites, in logs."""
+"""Names of the commands on the command line, in suites and in logs."""
 
 
 TARGET = {
@@ -94,7 +93,7 @@ TARGET = {
     NmtCommand.STOP: NmtState.STOPPED,
     NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
 }
-"""State after a command that is not a reset; all three are allowed from every state but INITIALISING."""
+"""States after commands other than resets, from every state but INITIALISING."""
 
 CANOPEN_COMMANDS: Mapping[str, NmtCommand] = {
     **{STATE_NAMES[state].upper(): command for command, state in TARGET.items()},
@@ -102,68 +101,68 @@ CANOPEN_COMMANDS: Mapping[str, NmtCommand] = {
     "RESET": NmtCommand.RESET_NODE,
     "RESET COMMUNICATION": NmtCommand.RESET_COMMUNICATION,
 }
-"""The command for each state that users of the canopen package set."""
+"""Commands by the states that users of the canopen package set."""
 
 
 def command_to(state: str) -> NmtCommand:
-    """Return the command that makes a node enter a state, as users of canopen write it; raises UnknownName."""
+    """Return the command for a state as in the canopen package; raises UnknownName."""
     return look_up("NMT state", state, CANOPEN_COMMANDS)
 
 
 def canopen_state(state: NmtState | None) -> str:
-    """Return a state as users of canopen read it: after a boot-up a node is PRE-OPERATIONAL."""
+    """Return a state's name in the canopen package: after a boot-up it is PRE-OPERATIONAL."""
     return "UNKNOWN" if state is None else STATE_NAMES[state or NmtState.PRE_OPERATIONAL].upper()
 
 
 STAY_PRE_OPERATIONAL = 1 << 2
-"""Bit of NMT startup 0x1F80: set, the node waits for a master's start (CiA 302-2)."""
+"""Bit of NMT startup 0x1F80: the node waits for a master's start command (CiA 302-2)."""
 
 
 def command_in(frame: Frame, node_id: int) -> NmtCommand | None:
-    """Return the NMT command that a frame has for this node, None for any other frame."""
-    # NMT has no answers (CiA 301, 7.2.8.2.1), so nobody can be told of a malformed or unknown command.
+    """Return the NMT command for this node in a frame, or None."""
+    # Malformed commands are ignored, because NMT has no answers (CiA 301, 7.2.8.2.1).
     if frame.cob_id != NMT_COB_ID or len(frame.data) != 2 or frame.data[1] not in (ALL_NODES, node_id):
         return None
     return NmtCommand(frame.data[0]) if frame.data[0] in set(NmtCommand) else None
 
 
 def boot_state(nmt_startup: Value) -> NmtState:
-    """Return the state that a node enters after its boot-up, by 0x1F80; without that object it waits for a master."""
+    """Return the state after the boot-up, by 0x1F80; without it the node waits for a master."""
     waits = not isinstance(nmt_startup, int) or nmt_startup & STAY_PRE_OPERATIONAL
     return NmtState.PRE_OPERATIONAL if waits else NmtState.OPERATIONAL
 
 
 def error_control(node_id: int, state: NmtState) -> Frame:
-    """Return the heartbeat frame; with INITIALISING it is the boot-up message."""
+    """Return the heartbeat frame, or with INITIALISING the boot-up message."""
     return Frame(ERROR_CONTROL_BASE + node_id, bytes([state]))
 
 
-# The heartbeats of other nodes
+# Heartbeats of other nodes
 
 
 def heartbeat_entry(entry: int) -> tuple[int, float]:
-    """Return node-ID and time in seconds of an entry of 0x1016 (CiA 301, Figure 60); 0.0 if it is not used."""
-    node_id, milliseconds = entry >> 16 & 0xFF, entry & 0xFFFF
+    """Return node-ID and time in s of an entry of 0x1016 (CiA 301, Figure 60); 0.0 if it is unused."""
+    node_id = entry >> 16 & 0xFF
+    milliseconds = entry & 0xFFFF
     return node_id, milliseconds / 1000 if node_id in NODE_IDS else 0.0
 
 
 class HeartbeatConsumer(Deadlines[int]):
-    """Watches the heartbeats that 0x1016 names; `missed` are the node-IDs that are silent now."""
+    """Watches the heartbeats listed in 0x1016; `missed` are the node-IDs of lost nodes."""
 
     def configure(self, entries: Iterable[int]) -> None:
-        """Take over the entries of 0x1016."""
-        # Any change of a communication object ends up here, and must not interrupt the watch over the other nodes.
+        """Set the entries of 0x1016."""
+        # This runs at any change of a communication object, and must not restart unchanged entries.
         self.change({node_id: time for node_id, time in map(heartbeat_entry, entries) if time})
 
     @property
     def identifiers(self) -> set[int]:
-        """COB-IDs of the heartbeats that are watched."""
+        """COB-IDs of the watched heartbeats."""
         return {ERROR_CONTROL_BASE + node_id for node_id in self.times}
 
     def booted(self, node_id: int, now: float) -> bool:
-        """Note a boot-up message; return whether its node had been lost."""
-        # A node without heartbeats boots, too. That does not start a watch, but it ends the loss of a node that is
-        # watched.
+        """Note a boot-up message; return whether its node was lost."""
+        # A boot-up message does not start watching a node that may not send heartbeats.
         return self.heard(node_id, now) if self.awaits(node_id) else self.back(node_id)
 
 
@@ -171,28 +170,28 @@ class HeartbeatConsumer(Deadlines[int]):
 
 
 TOGGLE = 1 << 7
-"""The bit of an answer that toggles, from 0 on, so that a repeated answer can be told from a new one."""
+"""Toggle bit of an answer to node guarding."""
 
 
 MASTER = "master"
-"""Whom a guarded node awaits."""
+"""Key of the guarding master among the deadlines."""
 
 
 class NodeGuarding(Deadlines[str]):
-    """The guarded side: the master must not be silent for too long, once it has asked."""
+    """The guarded side of node guarding: supervises the master once it has sent a request."""
 
     def __init__(self) -> None:
         super().__init__()
         self._toggle = 0
 
     def configure(self, life_time: float) -> None:
-        """Set how long the master may be silent, 0.0 for ever; a changed time counts from the next request on."""
+        """Set the life time in s, 0.0 for infinite; a change takes effect at the next request."""
         self.change({MASTER: life_time} if life_time else {})
 
     def answer(self, node_id: int, state: NmtState, now: float) -> Frame:
         """Return the answer to a guarding request."""
         data = bytes([self._toggle | state])
-        # Only a reset, which makes a new object, starts at 0 again; a silent master does not.
+        # Only a reset, which makes a new object, restarts the bit at 0.
         self._toggle ^= TOGGLE
         self.heard(MASTER, now)
         return Frame(ERROR_CONTROL_BASE + node_id, data)

@@ -1,7 +1,7 @@
-"""A node: a CANopen device with an application, which has timers and a table of what each message does.
+"""A node: a CANopen device with an application, which has timers and a table of message handlers.
 
-There is no clock and no bus in here: `receive`, `requested` and `tick` take the time in seconds and return the frames
-to send, and `next_wakeup` says when to call `tick`. A message with a value out of range is never acted on.
+There is no clock and no bus in this module: `receive`, `requested` and `tick` take the time in s and return the frames
+to send, and `next_wakeup` is the time for the next `tick`. A message with a value out of range is never handled.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, is_flagged
 
 
 class Node(NodeHooks):
-    """A node, made from its EDS; `store` keeps its settings over a restart, without one they last while it runs.
+    """A node, made from its EDS.
 
-    With `lss` a master finds it by LSS, and may give it its node-ID.
+    Subclasses have tables: `CATALOGUE` has the message types. `HANDLERS` has a handler for each message type: it
+    returns the answer or None, and raises Refused if the node refuses the message. `OBJECTS` binds objects, by
+    ParameterName: reading one reads the node; writing its last sub-index by SDO acts like a received message.
+    `MEASURED` has functions for single objects that are in no message. Settings are attributes (see `bound`). Mistakes
+    in these tables raise NodeClassError when the class, or a node, is created. This class itself handles no message.
 
-    `CATALOGUE` has its message types. `HANDLERS` has a handler for each message type: it returns the message to answer
-    with, or None, and raises Refused if the node does not act on the message. What is wrong with these tables is raised
-    as NodeClassError when the class, or a node of it, is made. `OBJECTS` says, by ParameterName, which
-    objects are read from the node, and which stand for a message when they are written by SDO: once the last sub-index
-    is written, the node acts as if the frame had come. `MEASURED` gives the values of single objects that are in no
-    message, by ParameterNames like those of a setting; settings are attributes (see `settings`). The class itself does
-    nothing with messages: it runs anybody's device.
+    `ignored` is the number of messages with values out of range, `withheld` the number of messages that were not sent
+    because of the NMT state or an invalid TPDO. A program with several threads sets `guard` to its lock, and `wake` to
+    a function that makes it call `tick` soon; `wake` is called with the guard held, and never during `receive` or
+    `tick`. `alarm` is called with sentences that a person has to read.
 
-    `ignored` counts messages that were not acted on because of their values, `withheld` those that were not sent
-    because of the NMT state or because their TPDO is not valid. A program that runs the node from several threads sets
-    `guard` to its lock, and `wake` to a function that makes it call `tick` soon; `wake` is called with the guard held,
-    and never during `receive` or `tick`, whose caller looks at the node afterwards anyway. `alarm` takes a sentence
-    that a person has to read.
+    Args:
+        dictionary: the device's dictionary
+        store: keeps the settings over a restart; default: they last while the node runs
+        lss: LSS slave, by which a master can set the node-ID
     """
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
@@ -76,7 +76,7 @@ class Node(NodeHooks):
         self._out: list[Frame] = []
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return what the node's objects are bound to; called before the device is made."""
+        """Return the bindings of the node's objects; called before the device is created."""
         readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
         writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
         measured = {dictionary.address(name): partial(read, self) for name, read in self.MEASURED.items()}
@@ -85,22 +85,22 @@ class Node(NodeHooks):
         return Application(readers, writers, self._obey, measured=measured)
 
     def _fingerprint(self, sub: int) -> Value:
-        """Return a fingerprint by how messages are mapped now, whatever the file says (see `od.fingerprints`)."""
+        """Return a fingerprint of the present mappings (see `od.fingerprints`)."""
         return fingerprints.at(sub, self.device.dictionary, self.device.objects.value)
 
     def controller(self, report: Reporter | None, clock: Callable[[], float]) -> Controller:
-        """Return a CAN controller for the node, with the listeners and mailboxes of its kind; a hook for subclasses."""
+        """Return a CAN controller for the node, with listeners and mailboxes; subclasses may override it."""
         return Controller(self.device.protocol, report=report, clock=clock)
 
-    # From outside
+    # For the caller that runs the node
 
     @property
     def next_wakeup(self) -> float:
-        """Time at which `tick` wants to be called, infinite if nothing is planned."""
+        """Time for the next `tick`, infinite if nothing is planned."""
         return min(self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else inf)
 
     def start(self, now: float) -> list[Frame]:
-        """Switch the node on: boot-up, and everything that follows."""
+        """Switch the node on, and return the frames to send."""
         self.now = now
         for what in self.device.storage.refused:
             self.alarm(what)
@@ -111,25 +111,25 @@ class Node(NodeHooks):
         return self._flush()
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        """Take in one frame and return the frames to send."""
+        """Handle a frame, and return the frames to send."""
         return self._attend(lambda: self.device.receive(frame, now), now)
 
     def requested(self, cob_id: int, now: float) -> list[Frame]:
-        """Take in one remote frame and return the frames to send."""
+        """Handle a remote frame, and return the frames to send."""
         return self._attend(lambda: self.device.requested(cob_id, now), now)
 
     def tick(self, now: float) -> list[Frame]:
-        """Do what is due by now and return the frames to send.
+        """Do all due actions, and return the frames to send.
 
-        A node that has stood still does only once what it has missed, and says so.
+        After a standstill, missed periodic actions are done once, and `alarm` is called.
         """
-        # What was planned is never before the plan's soonest, which is at hand.
+        # `plan.soonest` is a quick lower bound.
         late = now - self.device.plan.soonest
         if late > LATE and (late := now - min(self._timers.next, self.device.next_wakeup)) > LATE:
             self.alarm(f"stood still for {late:.1f} s; what was due meanwhile is skipped")
 
         def do_due() -> Reaction:
-            for _ in range(len(self._soon)):  # anything that these plan in turn is for the next tick
+            for _ in range(len(self._soon)):  # actions that these add are for the next tick
                 self._soon.popleft()(now)
             for action, time in self._timers.due(now):
                 action(time)
@@ -138,7 +138,7 @@ class Node(NodeHooks):
         return self._attend(do_due, now)
 
     def _attend(self, step: Callable[[], Reaction], now: float) -> list[Frame]:
-        """Let the device take a step, and return the frames to send; nobody has to be woken meanwhile."""
+        """Run a step of the device without calling `wake`, and return the frames to send."""
         self.now = now
         self._attended = True
         try:
@@ -148,12 +148,12 @@ class Node(NodeHooks):
         return self._flush()
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
-        """Take in an error that the CAN controller reports, such as an overrun; `tick` sends the EMCY."""
+        """Note an error of the CAN controller, such as an overrun; `tick` sends the EMCY."""
         self.device.emergencies.happened(code, now)
         self._call()
 
     def bus_lost(self, now: float) -> list[Frame]:
-        """Note that the bus is lost, and return the frames to send as soon as it is back."""
+        """Note that the bus is lost, and return the frames to send once it is back."""
 
         def cut_off() -> Reaction:
             self.device.sdo_service.forget()
@@ -163,20 +163,20 @@ class Node(NodeHooks):
         return self._attend(cut_off, now)
 
     def failed(self, error: BaseException, now: float) -> list[Frame]:
-        """Stop, and return the frames to send because the node has raised an exception: stops, and the EMCY.
+        """Stop after an exception of the node, and return the frames to send: stop messages and an EMCY.
 
-        After that, only `restart` may be called.
+        Afterwards only `restart` may be called.
         """
         self.now = now
         for stop in (self.cut_off, self.reset):
-            with suppress(Exception):  # what has failed once may fail again; the rest must still be done
+            with suppress(Exception):  # it may fail again
                 stop()
         code = ErrorCode.HARDWARE if isinstance(error, OSError) else ErrorCode.INTERNAL_SOFTWARE
         self.device.emergencies.raised(code, Node.failed)
         return self._flush()
 
     def restart(self, now: float) -> list[Frame]:
-        """Do what an NMT command to reset the node does, in any state, and return the frames to send."""
+        """Reset the node as by an NMT command, in any state, and return the frames to send."""
         return self._attend(lambda: self.device.restart(now), now)
 
     def _react(self, reaction: Reaction) -> None:
@@ -199,27 +199,27 @@ class Node(NodeHooks):
             self.answered(reaction.answer)
 
     def _call(self) -> None:
-        """Wake whoever runs the node, unless they are at work on it already."""
+        """Call `wake`, unless the caller is working on the node."""
         if not self._attended:
             self.wake()
 
     # For subclasses, beside `NodeHooks`
 
     def reset(self) -> None:
-        """Go back to the state after power-on; subclasses add what is theirs."""
+        """Return to the state after power-on; subclasses extend it."""
         self._timers.clear()
         self._soon.clear()
 
     def soon(self, action: TimerAction) -> None:
-        """Have `action` called, with the time, at the next `tick`: a caller from outside does not know the time."""
+        """Call `action` with the time at the next `tick`, for callers that do not know the time."""
         self._soon.append(action)
         self.device.plan.at(self.now)
         self._call()
 
     def send(self, message: Message) -> None:
-        """Put a message among the frames to send, and wake whoever runs the node; may be called from any thread.
+        """Add a message to the frames to send, and call `wake`; may be called from any thread.
 
-        Raises StateError if the node has no TPDO for it or if its NMT state does not allow it, FieldError for a value.
+        Raises StateError if the node has no TPDO for it or its NMT state does not allow it, FieldError for a value.
         """
         with self.guard:
             self._send(message)
@@ -229,12 +229,12 @@ class Node(NodeHooks):
         self._call()
 
     def put(self, frame: Frame) -> None:
-        """Put any frame among those to send, and wake whoever runs the node."""
+        """Add any frame to those to send, and call `wake`."""
         self._out.append(frame)
         self._call()
 
     def offer(self, message: Message) -> None:
-        """Send a message that nobody waits for; if it may not be sent now, it is counted and dropped."""
+        """Send a message if it may be sent now; else count and drop it."""
         try:
             self._send(message)
         except StateError:
@@ -242,7 +242,7 @@ class Node(NodeHooks):
             self.withheld += 1
 
     def at(self, time: float, action: TimerAction) -> Timer:
-        """Have `action` called when the time comes."""
+        """Call `action` at a time."""
         return self._timers.at(time, action)
 
     def raise_error(self, code: int, what: Hashable) -> None:
@@ -253,63 +253,55 @@ class Node(NodeHooks):
         """Report by EMCY that an error is gone."""
         self.device.emergencies.cleared(what)
 
-    # What it does with messages
+    # Messages
 
     def setting(self, name: str) -> float:
-        """Return the number that a setting has now, by its ParameterNames; a node's class has them as attributes.
-
-        It is an int, but of a REAL. Raises DictionaryError.
-        """
+        """Return the present number of a setting by its ParameterNames; a float for a REAL. Raises DictionaryError."""
         return self.device.objects.quantity(self._addresses.get(name) or self.device.dictionary.address(name))
 
     def handle(self, message: Message) -> None:
-        """Take in a message, and act on it if it can be believed and the node does not refuse it.
+        """Handle a message, unless its values are out of range or the node refuses it.
 
-        One that cannot be believed is counted, and reported by EMCY once until a message of its type can be believed
-        again.
+        An invalid message is counted, and reported by EMCY once until a valid one of its type comes.
         """
-        emergencies, what = self.device.emergencies, (Node.doubt, type(message))
+        emergencies = self.device.emergencies
+        what = (Node.doubt, type(message))
         doubt = self.doubt(message)
         if doubt is not None:
             self.ignored += 1
             emergencies.raised(doubt, what, self.device.protocol.cob_id(type(message)).to_bytes(2, "little"))
             return
-        # It can be believed again, which an EMCY with the error code 0x0000 reports.
+        # The message is valid again, which an EMCY with error code 0x0000 reports.
         if what in emergencies.errors:
             emergencies.cleared(what)
         with suppress(Refused):
             self._act(message)
 
     def doubt(self, message: Message) -> int | None:
-        """Return the error code for a message that must not be acted on, None for any other.
-
-        A stop is acted on whatever it contains: this is not the time to be particular.
-        """
+        """Return the error code for a message that must not be handled, else None; stop messages always are."""
         flagged = message and is_flagged(message) and type(message) not in self.CATALOGUE.always
         return ErrorCode.VALUE_OUT_OF_RANGE if flagged else None
 
     def _obey(self, command: Message) -> None:
-        """Act on the message that a written object stands for; raises Refused."""
+        """Handle the message of a written object; raises Refused."""
         if self.doubt(command) is not None:
-            raise Refused(Cause.VALUES, "it cannot be believed")
+            raise Refused(Cause.VALUES, "its values are out of range")
         self._act(command)
 
     def _act(self, message: Message) -> None:
-        """Act on a message that is believed, and offer the answer; raises Refused."""
+        """Handle a valid message, and send the answer; raises Refused."""
         answer = self.answer_to(message)
         if answer is not None:
             self.offer(answer)
 
     def answer_to(self, message: Message) -> Message | None:
-        """Carry out a message, and return the answer without sending it, None if there is none.
-
-        Raises Refused, and has done nothing then.
-        """
+        """Handle a message, and return the answer or None; raises Refused without any effect."""
         handler = self.HANDLERS.get(type(message))
         return handler(self, message) if handler is not None else None
 
     def _flush(self) -> list[Frame]:
-        frames, self._out = self._out, []
+        frames = self._out
+        self._out = []
         if not self.device.emergencies.quiet:
             frames += self.device.emergency_frames(self.now)
         return frames

@@ -1,7 +1,7 @@
-"""Checks of a node's class: its tables, its handlers, and what of ours it hides.
+"""Checks of a node's class: its tables, its handlers, and methods of ours that it hides.
 
-What needs no file is checked when the class is made; what an EDS has to have, when a node is made of it. Python itself
-would notice none of it before the message comes, and some of it never. Each mistake is one line with the class's place.
+Checks without a file run when the class is created; checks against the EDS when a node is created. Python would notice
+these mistakes only when a message comes, or never. Each mistake is one line with its place in the class.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from eurobot_od.support import extras
 TABLES = ("CATALOGUE", "HANDLERS", "OBJECTS", "MEASURED")
 
 LIFE = frozenset({"start", "receive", "requested", "tick", "restart", "failed", "bus_lost", "handle", "reset"})
-"""Methods by which a node lives: one in a subclass has to call that of its base class."""
+"""Methods that a subclass may only extend, by calling that of its base class."""
 
 OURS = "eurobot_od."
-"""Begin of the names of our modules. A class of ours may know more messages than an EDS has."""
+"""Prefix of our modules, whose classes may know more messages than an EDS has."""
 
-HANDLER, READER = ("self", "message"), ("self",)
-"""The arguments with which a handler is called, and a function that reads an object."""
+HANDLER = ("self", "message")
+READER = ("self",)
+"""Arguments of a handler, and of a function that reads an object."""
 
 
-# A class by itself
+# Checks of a class alone
 
 
 def check(kind: type, node: type) -> None:
-    """Raise NodeClassError for the first mistake in a class of a `node`; ours are checked by tests."""
+    """Check a class of a `node`, unless it is ours; raises NodeClassError."""
     if kind.__module__.startswith(OURS):
         return
     for problems in (misspelled_tables, wrong_handlers, wrong_objects, wrong_measured, hidden_members):
@@ -43,7 +44,7 @@ def check(kind: type, node: type) -> None:
 
 
 def misspelled_tables(kind: type, _: type) -> Iterator[tuple[str, str]]:
-    """Yield attributes that are named nearly as a table is: nobody would read them."""
+    """Yield attributes with nearly the name of a table."""
     for name in vars(kind):
         hint = "" if name in TABLES or name.startswith("_") else meant(name, TABLES)
         if hint and isinstance(vars(kind)[name], Mapping):
@@ -51,7 +52,7 @@ def misspelled_tables(kind: type, _: type) -> Iterator[tuple[str, str]]:
 
 
 def own(kind: type, table: str) -> Mapping[Any, Any]:
-    """Return a table that a class itself has; raises NodeClassError if it is no mapping."""
+    """Return a table of a class itself; raises NodeClassError if it is not a mapping."""
     found = vars(kind).get(table, {})
     if not isinstance(found, Mapping):
         what = f"has {table} of type {type(found).__name__}; a table is meant: {table} = {{...}}"
@@ -60,7 +61,7 @@ def own(kind: type, table: str) -> Mapping[Any, Any]:
 
 
 def wrong_handlers(kind: Any, node: type) -> Iterator[tuple[str, str]]:
-    """Yield keys that are no message of the class's catalogue, and handlers that cannot be called with one."""
+    """Yield keys that are not messages of the catalogue, and handlers that cannot be called with a message."""
     for key, handler in own(kind, "HANDLERS").items():
         word = key if isinstance(key, str) else getattr(key, "__name__", type(key).__name__)
         if what := not_a_message(kind, key):
@@ -72,14 +73,14 @@ def wrong_handlers(kind: Any, node: type) -> Iterator[tuple[str, str]]:
 
 
 def not_a_message(kind: Any, key: Any) -> str:
-    """Return what is wrong with what should be a message's class, an empty text if nothing is."""
+    """Return why a key is not a message class of the node, or an empty text."""
     types = {each.__name__: each for each in kind.CATALOGUE.types}
     if isinstance(key, str):
         hint = meant(key.replace(" ", ""), tuple(types)) or "; the class is meant, without quotes"
         return f"{key!r}, which is a text and no message{hint}"
     if not is_message(key):
         return f"{key!r}, which is no message{f'; did you mean {type(key).__name__}?' if is_message(type(key)) else ''}"
-    if not types or key in types.values():  # without a catalogue: perhaps a subclass has one; see `check_file`
+    if not types or key in types.values():  # a subclass may have a catalogue; see `check_file`
         return ""
     name = key.__name__
     if name in types:
@@ -88,12 +89,12 @@ def not_a_message(kind: Any, key: Any) -> str:
 
 
 def is_message(key: object) -> bool:
-    """Return whether something is a message's class."""
+    """Return whether an object is a message class."""
     return isinstance(key, type) and issubclass(key, tuple) and hasattr(key, "_fields")
 
 
 def not_called_with(function: object, arguments: tuple[str, ...]) -> str:
-    """Return why a function of a node's class cannot be called with these arguments, an empty text if it can."""
+    """Return why a function cannot be called with these arguments, or an empty text."""
     meant_ = f"; `def name({', '.join(arguments)})` is meant"
     if not callable(function):
         return f"that cannot be called, {function!r}{meant_}"
@@ -106,7 +107,7 @@ def not_called_with(function: object, arguments: tuple[str, ...]) -> str:
 
 
 def signature(function: Callable[..., object]) -> inspect.Signature | None:
-    """Return a function's parameters, None for one of which Python does not know them."""
+    """Return a function's signature, None if Python does not know it."""
     try:
         return inspect.signature(function)
     except ValueError:
@@ -114,7 +115,7 @@ def signature(function: Callable[..., object]) -> inspect.Signature | None:
 
 
 def fits(parameters: inspect.Signature, count: int, names: Iterable[str] = ()) -> bool:
-    """Return whether a function can be called with so many values, and others by their names."""
+    """Return whether a function can be called with `count` positional arguments, and others by name."""
     try:
         parameters.bind(*range(count), **dict.fromkeys(names))
     except TypeError:
@@ -123,7 +124,7 @@ def fits(parameters: inspect.Signature, count: int, names: Iterable[str] = ()) -
 
 
 def wrong_objects(kind: type, _: type) -> Iterator[tuple[str, str]]:
-    """Yield objects that are not bound, or to what is no function and no message."""
+    """Yield objects without a valid binding."""
     for name, bound in own(kind, "OBJECTS").items():
         if not isinstance(bound, BoundObject):
             what = f"BoundObject(write={shown(bound)})" if is_message(bound) else "BoundObject(read=...)"
@@ -135,19 +136,19 @@ def wrong_objects(kind: type, _: type) -> Iterator[tuple[str, str]]:
 
 
 def shown(value: object) -> str:
-    """Return the name of a class or a function, any other value as Python writes it."""
+    """Return the name of a class or function, else the value's `repr`."""
     return getattr(value, "__name__", repr(value))
 
 
 def wrong_measured(kind: type, _: type) -> Iterator[tuple[str, str]]:
-    """Yield values that cannot be asked for."""
+    """Yield measured values without a valid function."""
     for name, read in own(kind, "MEASURED").items():
         if what := not_called_with(read, READER):
             yield name, f"measures {name!r} by a function {what}"
 
 
 def hidden_members(kind: type, node: type) -> Iterator[tuple[str, str]]:
-    """Yield attributes that take the place of a method of ours and cannot be called as it is."""
+    """Yield attributes that hide a method of ours and cannot be called like it."""
     bases = [base for base in kind.__mro__[1:] if base in node.__mro__[:-1] or issubclass(base, node)]
     for name, member in vars(kind).items():
         owner = next((base for base in bases if name in vars(base)), None)
@@ -159,7 +160,7 @@ def hidden_members(kind: type, node: type) -> Iterator[tuple[str, str]]:
 
 
 def is_stand_in(kind: type) -> bool:
-    """Return whether a class replaces how a node starts or receives, and has no handlers and objects that need it."""
+    """Return whether a class replaces a node's `start` or `receive`, and has no tables."""
     acts = any(getattr(kind, table, None) for table in TABLES if table != "CATALOGUE")
     return not acts and bool({"start", "receive"} & vars(kind).keys())
 
@@ -180,7 +181,7 @@ def hides(owner: type, name: str, member: object) -> Iterator[str]:
 
 
 def names_in(code: CodeType) -> Iterator[str]:
-    """Yield the names that a function uses, and those of what it has inside."""
+    """Yield the names that a function's code uses, nested code included."""
     yield from code.co_names
     for each in code.co_consts:
         if isinstance(each, CodeType):
@@ -188,31 +189,31 @@ def names_in(code: CodeType) -> Iterator[str]:
 
 
 def takes_calls_of(theirs: inspect.Signature, ours: inspect.Signature) -> bool:
-    """Return whether whoever calls our method may call theirs."""
+    """Return whether their method can be called like ours."""
     kinds = [each.kind for each in ours.parameters.values()]
     by_name = [name for name, each in ours.parameters.items() if each.kind is each.KEYWORD_ONLY]
     return fits(theirs, sum(each is not inspect.Parameter.KEYWORD_ONLY for each in kinds), by_name)
 
 
-# A class and a file
+# Checks of a class against a file
 
 
 def check_file(kind: Any, dictionary: Dictionary) -> None:
-    """Raise NodeClassError for the first message or object of a class, not of ours, that the EDS does not have."""
+    """Check that the EDS has the messages and objects of a class, unless it is ours; raises NodeClassError."""
     for problems in (unmapped_messages, unknown_objects, unknown_values):
         for word, what in problems(kind, dictionary):
             raise NodeClassError(place_of(kind, word), f"{kind.__name__} {what}")
 
 
 def theirs(kind: type, table: str) -> list[Any]:
-    """Return the keys of a table that no class of ours has brought."""
+    """Return the keys of a table that do not come from a class of ours."""
     ours = (base for base in kind.__mro__ if base.__module__.startswith(OURS))
     known = {key for base in ours for key in vars(base).get(table, ())}
     return [key for key in getattr(kind, table) if key not in known]
 
 
 def unmapped_messages(kind: Any, dictionary: Dictionary) -> Iterator[tuple[str, str]]:
-    """Yield messages with a handler that the node would never receive."""
+    """Yield messages with a handler that the node cannot receive."""
     wanted = theirs(kind, "HANDLERS")
     pdos = list(dictionary.read_pdos(dictionary.default, lambda _: None)) if wanted else []
     found = [(entry.type, pdo.direction) for pdo in pdos if (entry := kind.CATALOGUE.find(pdo.name))]
@@ -240,17 +241,17 @@ def unknown_values(kind: Any, dictionary: Dictionary) -> Iterator[tuple[str, str
 
 
 def their_settings(kind: type) -> Iterator[str]:
-    """Yield the names of the settings that no class of ours has brought."""
+    """Yield the names of settings that do not come from a class of ours."""
     for base in kind.__mro__:
         if not base.__module__.startswith(OURS):
             yield from (name for each in vars(base).values() if isinstance(each, Setting) for name in each.names)
 
 
-# A node
+# Checks of a node
 
 
 def check_attributes(node: object, base: type) -> None:
-    """Raise NodeClassError if the node has a value of its own under the name of a method of `base`."""
+    """Check that no attribute of the node hides a method of `base`; raises NodeClassError."""
     for name in vars(node):
         if isinstance(getattr(base, name, None), FunctionType) and not callable(vars(node)[name]):
             kind = type(node)
@@ -259,15 +260,16 @@ def check_attributes(node: object, base: type) -> None:
 
 
 def check_answer(node: object, answer: object) -> None:
-    """Raise NodeClassError for what a handler has returned if it is no message."""
+    """Check that a handler's answer is a message; raises NodeClassError."""
     if not is_message(type(answer)):
-        kind, hint = type(node), f"; did you mean {shown(answer)}()?" if is_message(answer) else ""
+        kind = type(node)
+        hint = f"; did you mean {shown(answer)}()?" if is_message(answer) else ""
         what = f"sends {shown(answer)}, which is no message{hint}"
         raise NodeClassError(place_of(kind, shown(answer)), f"{kind.__name__} {what}")
 
 
 def place_of(kind: type, word: str) -> str:
-    """Return `file:line` of a word in a class, of the class itself if the word is not in it."""
+    """Return `file:line` of a word in a class, or of the class."""
     place = extras.place_of(kind)
     file, _, line = place.rpartition(":")
     if not line.isdigit():

@@ -1,7 +1,7 @@
-"""The objects of a running device: present values, access rights, their form in an SDO, and where they are stored.
+"""Objects of a running device: present values, access rights, values in SDOs, and stores for settings.
 
-A value is checked before it is stored, and a refused one changes nothing. Access type, data type and limits are the
-file's. What an object does beyond keeping its value comes in as a function in `readers` or `writers`.
+A value is checked before it is kept, and a refused one changes nothing. Access type, data type and limits come from the
+file. Special behaviour of an object is a function in `readers` or `writers`.
 """
 
 from __future__ import annotations
@@ -41,39 +41,38 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
-"""Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
-7.3.2.2.3)."""
+"""Indices of communication objects, which a reset of the communication restores (CiA 301, 7.3.2.2.3)."""
 
 PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *values.MAPPINGS}
 """Communication objects to which their present value may always be written, even where the file contradicts itself.
 Mappings are not among them: CiA 301 asks for its procedure whatever is written."""
 
 OnRead = Callable[[int], Value]
-"""Gives the value of an object at a sub-index where it is not simply kept; may raise Abort."""
+"""Function that returns the value of an object at a sub-index; may raise Abort."""
 
 OnWrite = Callable[[Address, Value], None]
-"""Carries out what writing an object means, and keeps its value if it has to; raises Abort for a refused one."""
+"""Function that writes an object; raises Abort for a refused value."""
 
 OnTold = Callable[[Any], object]
-"""Takes each new value of an object, from an SDO or an RPDO; raises Refused for one that must not be kept."""
+"""Function that is called with each new value from an SDO or RPDO; raises Refused for one that must not be kept."""
 
 REFUSAL: Mapping[Cause, Reason] = {Cause.STATE: Reason.REFUSED_NOW, Cause.VALUES: Reason.REFUSED_VALUE}
-"""The reason for which a write is aborted that the application does not accept, by the application's cause."""
+"""Abort reasons for writes that the application refuses, by its cause."""
 
 LONGEST_TEXT = 1 << 16
-"""Most bytes of an object without a length of its own; a DOMAIN, which is a file, may have more."""
+"""Longest value of an object without a fixed length, except DOMAINs, in bytes."""
 
 NO_VALUES: Mapping[Address, Value] = MappingProxyType({})
 TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
 
 def is_stored(dictionary: Dictionary, address: Address) -> bool:
-    """Return whether 0x1010 stores an object: every parameter, and the mark that they are verified."""
+    """Return whether 0x1010 stores an object: every parameter, and 0x1020."""
     return address in VERIFY_CONFIGURATION or address in dictionary.parameters
 
 
 def unrestricted(objects: Objects, write: OnWrite) -> OnWrite:
-    """Return a function that gives a service no new COB-ID that another one has for good (CiA 301, 7.3.5)."""
+    """Return the writer of a COB-ID that refuses a new identifier of another service (CiA 301, 7.3.5)."""
 
     def written(address: Address, value: Value) -> None:
         cob_id = value & values.BASE_IDENTIFIER if isinstance(value, int) else 0
@@ -86,7 +85,7 @@ def unrestricted(objects: Objects, write: OnWrite) -> OnWrite:
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
-    """Return why a number is outside the limits of its object in the file; None if it is inside, or not a number."""
+    """Return why a number is outside the limits in the file; None if it is inside, or not a number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:
@@ -97,9 +96,9 @@ def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
 
 
 class Objects:
-    """The values of a device by address; `values` holds those that differ from the file's.
+    """The values of a device by address; `values` has those that differ from the file's.
 
-    A `given` value replaces the file's; the functions in `told` get each new value.
+    A `given` value replaces the file's; functions in `told` are called with each new value.
     """
 
     def __init__(
@@ -120,7 +119,7 @@ class Objects:
     # For the device
 
     def value(self, address: Address) -> Value:
-        """Return an object's present value: from its reader, or else the one kept; raises Abort if a reader does."""
+        """Return an object's present value, from its reader or as kept; raises Abort if the reader does."""
         part = self._part(address)
         if part is not None:
             return part.of(self.raw(part.whole))
@@ -128,18 +127,17 @@ class Objects:
         return self.kept(address) if reader is None else reader(address[1])
 
     def kept(self, address: Address) -> Value:
-        """Return the value written or received last, or else the one given, or else the file's."""
+        """Return the value that was last written or received, else the given one, else the file's."""
         if address in self.values:
             return self.values[address]
-        if address not in self._defaults:  # a PDO asks for the same few at each SYNC
+        if address not in self._defaults:  # cached, because a PDO needs the same few at each SYNC
             self._defaults[address] = self.dictionary.default(address)
         return self._defaults[address]
 
     def raw(self, address: Address) -> int:
-        """Return a value as the bits that a PDO carries.
+        """Return a value as the bits in a PDO; 0 without a value, or for one of a wrong type.
 
-        It is 0 without a value, where a reader has none, and for one of a wrong type. The bits of a negative number are
-        those of its two's complement, at any width.
+        A negative number is returned as such: its bits are those of its two's complement at any width.
         """
         try:
             value = self.value(address)
@@ -147,7 +145,7 @@ class Objects:
                 return value
             variable = self.dictionary.variable(address)
             return 0 if variable is None else int.from_bytes(data_type(variable).write(value), "little")
-        except (Abort, ValueError, OverflowError):  # a PDO cannot say that a value is missing
+        except (Abort, ValueError, OverflowError):  # a PDO cannot omit a value
             return 0
 
     def number(self, address: Address) -> int:
@@ -158,20 +156,20 @@ class Objects:
         return value
 
     def quantity(self, address: Address) -> float:
-        """Return a value that must be a number, of a REAL with its fraction; raises DictionaryError."""
+        """Return a value that must be a number, a float for a REAL; raises DictionaryError."""
         value = self.value(address)
         return value if isinstance(value, float) else self.number(address)
 
     def cob_id(self, address: Address) -> int | None:
-        """Return an 11-bit identifier that an object holds, None if it is not valid or there is none."""
+        """Return the 11-bit identifier in an object, None if it is not valid or missing."""
         return values.base_identifier(self.value(address))
 
     def put(self, address: Address, value: Value) -> None:
-        """Keep a value, unchecked; a part of a value goes to its place in the whole.
+        """Keep a value without checks; a slice is put into the whole value.
 
         Raises Refused if the application does not accept it.
         """
-        if address in self._told:  # before it is kept: a value that the application refuses must leave no trace
+        if address in self._told:  # first, because the application may refuse it
             self._told[address](value)
         part = self._part(address)
         if part is None or not isinstance(value, int):
@@ -186,12 +184,12 @@ class Objects:
         return self._parts[address]
 
     def configuration(self) -> dict[Address, Value]:
-        """Return the changed configuration, for 0x1010 to store."""
+        """Return the changed settings, for 0x1010 to store."""
         in_force = self._in_force()
         return {address: value for address, value in self.values.items() if is_stored(in_force, address)}
 
     def _in_force(self) -> Dictionary:
-        """Return the dictionary with the mappings that are in force now."""
+        """Return the dictionary with the present mappings."""
         present = {address: value for address, value in self.values.items() if pdo_of(address[0]) is not None}
         if present != self._mapped[0]:
             self._mapped = present, self.dictionary.configured(present)
@@ -200,7 +198,7 @@ class Objects:
     # For the SDO server
 
     def read(self, address: Address) -> bytes:
-        """Return an object's value in its SDO form; raises Abort."""
+        """Return an object's value as bytes for an SDO; raises Abort."""
         variable = self._variable(address)
         if not variable.readable:
             raise Abort(Reason.WRITE_ONLY if variable.writable else Reason.NO_ACCESS)
@@ -209,33 +207,33 @@ class Objects:
             value = self.value(address)
             if type_ == values.VISIBLE_STRING and isinstance(value, str):
                 return value.encode(self.dictionary.normal.encoding)
-            if value is None and type_.size:  # a text or a file may be missing, a number never is
+            if value is None and type_.size:  # a number always has a value
                 return initial(variable) or bytes(type_.size)
             return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
-            # the file's default is not a number, or does not fit the type that the file names
+            # The file's default does not fit the data type.
             raise Abort(Reason.NO_VALUE, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:
-        """Return how many bytes an object takes; raises Abort if it cannot be written, or not with `size` bytes."""
+        """Return the largest length of an object's value; raises Abort if it is read-only, or `size` does not fit."""
         variable = self._variable(address)
         if not variable.writable:
             raise Abort(Reason.READ_ONLY if variable.readable else Reason.NO_ACCESS)
         type_ = data_type(variable)
         room = type_.size or (LARGEST if type_ == values.DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:
-            # The type of a text or a DOMAIN fixes no size: all it can exceed is memory (CiA 301, Table 22).
+            # A text or a DOMAIN has no fixed size, and can only exceed the memory (CiA 301, Table 22).
             raise Abort(Reason.LONGER_THAN_TYPE if type_.size else Reason.OUT_OF_MEMORY)
         if size is not None and size < type_.size:
             raise Abort(Reason.SHORTER_THAN_TYPE)
         return room
 
     def write(self, address: Address, data: bytes) -> None:
-        """Write an object in its SDO form, with everything that follows from it; raises Abort."""
+        """Write an object's value from an SDO, with all effects; raises Abort."""
         self.admit(address, len(data))
         variable, before = self._variable(address), self.kept(address)
         value = data_type(variable).read(data)
-        # The limits of a command are for reading: 0x1010 says what can be stored, and is written with `save`.
+        # The limits of a command apply only to its read value.
         if address[0] not in COMMANDS and (wrong := out_of_limits(variable, value)):
             raise Abort(wrong)
         if value == before and address[0] in PARAMETERS:
@@ -245,7 +243,7 @@ class Objects:
         except Refused as refused:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
         if self.kept(address) != before and address in self._in_force().parameters:
-            # Once it is changed, the configuration is no longer the verified one (CiA 301, 7.5.2.23).
+            # A changed configuration is no longer verified (CiA 301, 7.5.2.23).
             self.values |= {mark: 0 for mark in VERIFY_CONFIGURATION if self.dictionary.variable(mark)}
 
     def _variable(self, address: Address) -> ODVariable:
@@ -256,7 +254,7 @@ class Objects:
         return variable
 
 
-# Values that a file leaves out: the pre-defined connection set (CiA 301, 7.3.3), the identity
+# Values that a file omits: default COB-IDs (CiA 301, 7.3.3), identity
 
 
 BROADCASTS: Mapping[Address, int] = {SYNC: values.SYNC_COB_ID, TIME: values.TIME_COB_ID}
@@ -269,19 +267,19 @@ BASES: Mapping[Address, int] = {
         for number, base in enumerate(bases)
     },
 }
-"""What the node-ID is added to."""
+"""Default COB-IDs without the node-ID, by address."""
 
 
 def predefined(dictionary: Dictionary) -> dict[Address, int]:
-    """Return values for the objects that a file has but gives no value: identifiers, and the identity."""
+    """Return values for objects without a value in the file: default COB-IDs, and the identity."""
     identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
-    # Only where the file is silent: an identifier that it gives counts, even if it is not valid.
+    # An identifier in the file is used even if it is not valid.
     silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
     identity = {(IDENTITY, sub): number for sub, number in enumerate(Identity.of(dictionary), start=1) if number}
-    # An identity of another width than CiA 301's keeps what its own object says.
+    # Not for an identity object with another data type than CiA 301's.
     identity = {at: number for at, number in identity.items() if _fits(dictionary.variable(at), number)}
     given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}
-    # What counts is where the server really is, even where the file's own identifiers are not followed.
+    # The real COB-IDs of the server, which may differ from the file's.
     server = zip((SDO_REQUESTS, SDO_ANSWERS), SdoChannel.of(dictionary), strict=True)
     return identity | given | {address: cob_id for address, cob_id in server if dictionary.variable(address)}
 
@@ -291,30 +289,30 @@ def _fits(variable: ODVariable | None, number: int) -> bool:
 
 
 KIND: tuple[Address, ...] = tuple((IDENTITY, sub) for sub in (1, 2, 3))
-"""Vendor-ID, product code and revision number: these must be the same in a configuration and its device."""
+"""Addresses of vendor-ID, product code and revision number, which must be equal in a configuration and its device."""
 
 CHECKSUM = re.compile(rb"; CRC-32 of all that follows: 0x([0-9A-F]{8})\n")
-"""The first line of a stored file: a comment, so that every tool still reads the file as a DCF."""
+"""Pattern of the first line of a stored file, which is a comment in a DCF."""
 
 
 class Store(Protocol):
-    """Keeps the values in which a device's configuration differs from its file."""
+    """Keeps the values of a device's configuration that differ from its file."""
 
     def load(self) -> dict[Address, Value]:
-        """Return what was saved last; nothing if nothing was saved.
+        """Return the saved values, empty if none were saved.
 
-        Raises DamagedFile if it is not what was saved, DictionaryError if it is not for this device.
+        Raises DamagedFile for damaged values, DictionaryError for those of another device.
         """
 
     def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
-        """Keep these values, node-ID and bit rate (None: as before) in place of the earlier ones.
+        """Replace the saved values, node-ID (255: none) and bit rate in kbit/s (None: unchanged).
 
-        The node-ID 255 is none. Raises OSError or DictionaryError if that fails.
+        Raises OSError or DictionaryError.
         """
 
 
 class MemoryStore:
-    """A store that keeps settings while the program runs; it begins with `values`."""
+    """A store in memory, with initial `values`."""
 
     def __init__(self, values: Mapping[Address, Value]) -> None:
         self._values = dict(values)
@@ -329,7 +327,7 @@ class MemoryStore:
 
 
 class FileStore:
-    """A store that keeps the settings of the device described by `dictionary` in the DCF `file`."""
+    """A store in the DCF `file`, for the device described by `dictionary`."""
 
     def __init__(self, file: str | Path, dictionary: Dictionary, baudrate_kbit: int = 500) -> None:
         self.file = Path(file)
@@ -337,7 +335,7 @@ class FileStore:
 
     @property
     def commissioned(self) -> Commissioning | None:
-        """The node-ID (255 for none) and bit rate in the file; None if there is no such file, or no node-ID in it."""
+        """Node-ID (255 for none) and bit rate in the file; None without a file, or without a node-ID in it."""
         if not self.file.exists():
             return None
         text = parse(read_bytes(self.file).decode("latin-1")).text
@@ -347,40 +345,41 @@ class FileStore:
         return Commissioning(node_id.value, kbit.value if kbit else self._baudrate)
 
     def load(self) -> dict[Address, Value]:
-        """Return the settings in the file; none without a file.
+        """Return the settings in the file; empty without a file.
 
-        Raises DamagedFile if its checksum is wrong, DictionaryError if it is not a DCF, is incomplete, or is the DCF of
-        another device. A DCF that another program has written has no checksum, and is trusted.
+        A DCF from another program has no checksum, and is accepted. Raises DamagedFile for a wrong checksum,
+        DictionaryError if the file is not a DCF, is incomplete, or is that of another device.
         """
         if not self.file.exists():
             return {}
         content = read_bytes(self.file)
         line = CHECKSUM.match(content)
-        # Checked before it is read: with a flipped bit it may still be a DCF, with another value in it.
+        # Checked first, because a damaged file may still be a valid DCF.
         if line and int(line[1], 16) != zlib.crc32(content[line.end() :]):
             what = "damaged: the checksum in its first line is not that of the rest (changed by hand? delete that line)"
             raise DamagedFile(self.file, None, what)
         is_without = (said := self.commissioned) and said.node_id == UNCONFIGURED
         stored = Dictionary.load(self.file, self._dictionary.node_id if is_without else None)
-        # Its DCF cannot have what the EDS itself leaves out; any other missing section has been cut off.
+        # Sections that the EDS lacks, too, are not missing.
         never_there = dcf.missing(self._dictionary.document)
         for section in dcf.missing(stored.document):
             if section not in never_there:
                 raise DictionaryError(self.file, None, f"incomplete: [{section}] is missing")
-        # The serial number does not count: a device that replaces a broken one takes over its configuration.
+        # Without the serial number, so that a replacement device can use the configuration.
         for index, sub in KIND:
-            ours, theirs = self._dictionary.default((index, sub)), stored.default((index, sub))
+            ours = self._dictionary.default((index, sub))
+            theirs = stored.default((index, sub))
             if ours != theirs:
                 what = f"sub {sub} is {theirs!r}, not {ours!r}: the configuration of another device"
                 raise DictionaryError(self.file, index, what)
         variables = {each: stored.variable(each) for each in stored.addresses() if is_stored(stored, each)}
-        # what the file's own EDS gives only as DefaultValue is not a stored value: a later EDS may have another default
+        # A DefaultValue is not a stored value, because a later EDS may have another one.
         return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
 
     def save(self, values: Mapping[Address, Value], node_id: int, kbit: int | None = None) -> None:
         """Replace the file by one with these settings.
 
-        Raises OSError, or DictionaryError if the EDS is gone or has no place for a value; the old file stays then.
+        Raises OSError, or DictionaryError if the EDS has no place for a value; the old file is then kept.
         """
         device = self._dictionary.device
         self._baudrate = kbit or self._baudrate
@@ -392,7 +391,7 @@ class FileStore:
 
 
 def refused(dictionary: Dictionary, values: Mapping[Address, Value]) -> Iterator[tuple[Address, str]]:
-    """Yield the stored values that a device cannot have: its file lacks the object, or its limits exclude them."""
+    """Yield the stored values that a device cannot use: unknown objects, and values outside the limits."""
     for address, value in values.items():
         variable = dictionary.variable(address)
         if variable is None:
@@ -401,7 +400,7 @@ def refused(dictionary: Dictionary, values: Mapping[Address, Value]) -> Iterator
         try:
             data_type(variable).write(value)
             fits = out_of_limits(variable, value) is None
-        except (ValueError, OverflowError):  # it does not have the type of the object in this EDS
+        except (ValueError, OverflowError):  # the object has another data type in this EDS
             fits = False
         if not fits:
             range_ = limits(variable)

@@ -1,7 +1,7 @@
-"""The PDOs of a running device: changed over SDO by CiA 301's procedure, with their values kept in the objects.
+"""PDOs of a running device: configuration over SDO by CiA 301's procedure, and values in the objects.
 
-There is always one complete `protocol`. A change is built beside it and takes its place in one step, or is refused and
-leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, sub0 = 0, entries, sub0 = n, validate).
+There is always one complete `protocol`. A change is prepared separately and replaces it in one step, or is refused
+without effect (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, sub0 = 0, entries, sub0 = n, validate).
 """
 
 from __future__ import annotations
@@ -25,37 +25,37 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, Reason
 
 REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
-"""Identifiers that no PDO may have. The low restricted ones are allowed, because the robot has messages there."""
+"""Identifiers that no PDO may have; the low restricted ones are allowed, because the robot uses them."""
 
 EVENT_DRIVEN = (254, 255)
 """Transmission types that do not need SYNC (CiA 301, Tables 68 and 72)."""
 
 SAMPLED, REQUESTED = 252, 253
-"""Transmission types of TPDOs that a remote frame asks for: with the values of the last SYNC, or the present ones."""
+"""Transmission types of TPDOs sent on a remote frame: with the values of the last SYNC, or the present ones."""
 
 
 class Pdos:
-    """The PDOs as the values in `objects` configure them now.
+    """The PDOs as presently configured by `objects`.
 
-    `protocol` has the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
-    TPDOs by message type, `always_sent` the COB-IDs of those that act in every NMT state, `requestable` the TPDOs that
-    remote frames may ask for, by COB-ID. `unusable` says what is wrong with PDOs that the file does not describe well,
-    by index.
+    `protocol` has the messages of the valid ones, `received` the bindings of RPDOs by COB-ID, `sent` those of TPDOs by
+    message type, `always_sent` the COB-IDs of TPDOs that are sent in every NMT state, `requestable` the TPDOs that
+    remote frames may request, by COB-ID. `unusable` has errors of PDOs in the file, by index.
     """
 
     def __init__(self, objects: Objects, catalogue: Catalogue) -> None:
         self._objects, self._catalogue = objects, catalogue
         self.unusable: dict[int | None, MappingError] = {}
-        # A PDO that the file does not describe well is left out, and the others still work.
+        # An unusable PDO is left out, so that the others work.
         self._apply(self._built(objects.value, lambda error: self.unusable.update({error.index: error})))
 
     def _built(self, value: Callable[[Address], Value], harm: Callable[[MappingError], object]) -> Protocol:
-        """Return the messages by these values of objects; `harm` gets each error in a mapping, and may raise it."""
+        """Return the messages for values of objects; `harm` is called with each error in a mapping, and may raise
+        it."""
         dictionary = self._objects.dictionary
         return Protocol([(dictionary, dictionary.read_pdos(value, harm))], self._catalogue, harm)
 
     def _refuse_new_harm(self, error: MappingError) -> None:
-        """Refuse a change that breaks another PDO."""
+        """Refuse a change that makes another PDO unusable: raises the error."""
         if error.index not in self.unusable:
             raise error
 
@@ -68,29 +68,29 @@ class Pdos:
         self.protocol = protocol
 
     def inhibit_time(self, binding: Binding) -> float:
-        """Return the inhibit time of a TPDO in seconds, 0.0 for none; a message that always acts never waits."""
-        # Sub-index 3 counts 100 µs, the event timer in sub-index 5 milliseconds (CiA 301, 7.5.2.37).
+        """Return the inhibit time of a TPDO in s, 0.0 for none, and for messages that are always sent."""
+        # The inhibit time is in 100 us, the event timer in ms (CiA 301, 7.5.2.37).
         return 0.0 if binding.always else self._objects.raw((binding.pdo.index, values.INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
-        """Return the event timer of an event-driven TPDO in seconds; 0.0 if it has none, or for any other TPDO."""
+        """Return the event timer of an event-driven TPDO in s; 0.0 for none, and for other TPDOs."""
         return self.deadline(binding) if self.is_event_driven(binding) else 0.0
 
     def deadline(self, binding: Binding) -> float:
-        """Return the event timer in seconds, within which an RPDO has to come again; 0.0 for none."""
+        """Return the event timer in s, within which an RPDO has to come again; 0.0 for none."""
         return self._objects.raw((binding.pdo.index, values.EVENT_TIMER)) / 1000
 
     def is_event_driven(self, binding: Binding) -> bool:
-        """Return whether a TPDO is sent whenever the application wants to send it."""
+        """Return whether a TPDO is sent when the application sends it."""
         asked_for = self._type(binding.pdo.index) in (SAMPLED, REQUESTED)
         return self.sync_type(binding) is None and not asked_for
 
     def follows_changes(self, binding: Binding) -> bool:
-        """Return whether a TPDO is sent when its values change: at once or with the next SYNC (transmission type 0)."""
+        """Return whether a TPDO is sent when its values change: at once, or at the next SYNC (type 0)."""
         return self.sync_type(binding) == ACYCLIC or self.is_event_driven(binding)
 
     def is_sampled(self, binding: Binding) -> bool:
-        """Return whether a TPDO carries the values of the last SYNC when it is asked for."""
+        """Return whether a requested TPDO has the values of the last SYNC."""
         return self._type(binding.pdo.index) == SAMPLED and self.sync_cob_id is not None
 
     def _type(self, index: int) -> int:
@@ -103,16 +103,16 @@ class Pdos:
 
     @property
     def sync_cob_id(self) -> int | None:
-        """The COB-ID of SYNC; None if the device has no object for it, or only the identifier of NMT in it."""
+        """COB-ID of SYNC; None without the object, or with NMT's identifier in it."""
         return self._objects.raw(SYNC) & values.BASE_IDENTIFIER or None
 
     def sync_type(self, binding: Binding) -> int | None:
-        """Return the transmission type of a PDO that follows SYNC, None for any other; what always acts never waits."""
+        """Return the transmission type of a synchronous PDO, None for others and for messages that are always sent."""
         number = self._type(binding.pdo.index)
         return number if number in self._sync_types and not binding.always else None
 
     def sync_start(self, binding: Binding) -> int:
-        """Return the number of the SYNC that a TPDO starts with; 0 for any, as without a counter."""
+        """Return the SYNC start value of a TPDO; 0 for any, and without a counter."""
         return self._objects.raw((binding.pdo.index, values.SYNC_START)) if self.sync_counter else 0
 
     @property
@@ -121,13 +121,13 @@ class Pdos:
 
     @property
     def sync_period(self) -> float:
-        """Seconds between two SYNCs of the device, 0.0 if it sends none."""
+        """Period of the device's own SYNC in s, 0.0 if it sends none."""
         sends = self._objects.raw(SYNC) & SYNC_PRODUCER and self.sync_cob_id is not None
         return self._objects.raw(SYNC_PERIOD) / 1_000_000 if sends else 0.0
 
     @property
     def sync_counter(self) -> int:
-        """The number up to which SYNC is counted, 0 if it is not counted."""
+        """Overflow value of the SYNC counter, 0 without a counter."""
         overflow = self._objects.raw(SYNC_COUNTER)
         return overflow if overflow in COUNTERS else 0
 
@@ -152,7 +152,7 @@ class Pdos:
     # Written over SDO
 
     def writers(self) -> dict[int, OnWrite]:
-        """Return what writing a SYNC parameter or a record of a PDO does, by index."""
+        """Return the functions that write SYNC parameters and records of PDOs, by index."""
         members = self._objects.dictionary.members
         records = [index for index in members if index in values.COMMUNICATIONS]
         mappings = [index + values.MAPPING_OFFSET for index in records]
@@ -185,7 +185,7 @@ class Pdos:
         return self._objects.cob_id((index, COB_ID)) is not None
 
     def _write_cob_id(self, index: int, entry: int) -> None:
-        """Change validity and identifier; while a PDO is valid and stays so, its identifier is fixed."""
+        """Change validity and identifier; the identifier of a valid PDO is fixed."""
         address = index, COB_ID
         valid = not entry & values.NOT_VALID
         if entry & ~(values.NOT_VALID | values.NO_RTR | values.BASE_IDENTIFIER):
@@ -193,15 +193,14 @@ class Pdos:
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
             raise Abort(Reason.PDO_VALID)
         cob_id = entry & values.BASE_IDENTIFIER
-        # EMCY and SYNC count where this device has them now, which need not be the pre-defined connection set.
+        # The present identifiers of EMCY and SYNC, which may have been changed.
         if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or values.owner(cob_id, REFUSED)):
             raise Abort(Reason.COB_ID_TAKEN)
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
             raise Abort(Reason.PDO_CONFLICT, str(error)) from error
-        # The node could not send a message with such a value, and nobody would know why it does not answer. A message
-        # that no catalogue knows is just its mapped bits, however few.
+        # The node could not send some values of the message. A message outside the catalogue is just its mapped bits.
         ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
         if narrow := [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]:
             raise Abort(Reason.TOO_FEW_BITS, f"too few bits for {', '.join(narrow)}")
@@ -213,7 +212,7 @@ class Pdos:
         number = value if isinstance(value, int) else 0
         if self._is_valid(index - values.MAPPING_OFFSET):
             raise Abort(Reason.PDO_VALID)
-        if subindex == 0:  # entries are written one by one: only their number shows how long the PDO is
+        if subindex == 0:  # only the number of entries determines the length of the PDO
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
             if sum(self.mapped(index, entry).bits for entry in entries) > values.MAX_BITS:
                 raise Abort(Reason.MAPPING_TOO_LONG)
@@ -224,13 +223,13 @@ class Pdos:
         self._objects.put(address, number)
 
     def mapped(self, index: int, entry: int) -> Mapped:
-        """Return what a mapping entry stands for; raises Abort if it cannot be mapped there."""
+        """Return the object of a mapping entry; raises Abort if it cannot be mapped."""
         direction = next(each for each, records in values.MAPPING_RECORDS.items() if index in records)
         dictionary = self._objects.dictionary
         variable = dictionary.variable(values.MappingEntry.of(entry).address)
         if variable is None:
             raise Abort(Reason.MAPPED_MISSING)
-        # A dummy skips received bits that mean nothing to this device; it has nothing to send.
+        # A dummy skips received bits, and cannot be sent.
         dummy = variable.index in values.DUMMIES and direction is PdoDirection.RPDO
         if not dummy and not (variable.pdo_mappable and variable.access_type in values.MAPPABLE[direction]):
             raise Abort(Reason.NOT_MAPPABLE)
@@ -241,9 +240,9 @@ class Pdos:
 
 
 class ProcessData:
-    """Stores in the objects what PDOs carry; a frame's values are stored together, when one of them is asked for.
+    """Stores values from PDOs in the objects; those of a frame are stored when one of them is needed.
 
-    `seen` has the contents of PDOs, by index, with which `changed` compares.
+    `seen` has the last contents of PDOs by index, for `changed`.
     """
 
     def __init__(self, objects: Objects) -> None:
@@ -253,46 +252,43 @@ class ProcessData:
 
     def note(self, binding: Binding, data: bytes) -> None:
         """Note the newest frame of a message; `data` has a length that the mapping allows."""
-        # Removed first: a dict leaves a known key in its old place, and where PDOs share an object the newest one
-        # counts.
+        # Moved to the end, because of several PDOs with an object, the newest applies.
         self._latest.pop(binding.name, None)
         self._latest[binding.name] = binding, data
 
     def settle(self) -> None:
-        """Store the values of the noted frames in the objects, in the order in which the frames came."""
+        """Store the values of the noted frames in the objects, in the order of arrival."""
         for binding, data in self._latest.values():
             word = int.from_bytes(binding.complete(data), "little")
             for entry, address, mask, offset in binding.placed:
-                with suppress(Refused):  # a value that the application refuses counts as if it had not come
+                with suppress(Refused):  # a refused value is ignored
                     self._objects.put(address, entry.meant(word >> offset & mask))
         self._latest.clear()
 
     def frame(self, binding: Binding) -> Frame:
-        """Return a PDO with the present values of its objects."""
+        """Return a PDO's frame with the present values of its objects."""
         if self._latest:
             self.settle()
-        word, raw = 0, self._objects.raw
+        word = 0
+        raw = self._objects.raw
         for _, address, mask, offset in binding.placed:
             word |= (raw(address) & mask) << offset
         return Frame(binding.cob_id, word.to_bytes(binding.layout.length, "little"))
 
     def changed(self, bindings: Iterable[Binding]) -> list[tuple[Binding, Frame]]:
-        """Return the PDOs that have changed since this was last asked, with their frames.
-
-        One without data never changes.
-        """
+        """Return the PDOs that have changed since the last call, with their frames; those without data never change."""
         looked_at = [(each, self.frame(each)) for each in bindings if each.layout.length]
-        # By index, which stays when a master remaps the PDO and it gets another binding.
+        # By index, because remapping makes a new binding.
         changed = [(each, frame) for each, frame in looked_at if self.seen.get(each.pdo.index) != frame]
         self.seen |= {each.pdo.index: frame for each, frame in changed}
         return changed
 
 
 class Pacing:
-    """When TPDOs are sent: not sooner than their inhibit time allows, not later than their event timer asks.
+    """Times of TPDOs: not before their inhibit time, and not after their event timer.
 
-    `inhibit` and `event` give a TPDO's two times in seconds, 0.0 for none. When several frames are held back, the
-    newest is sent.
+    `inhibit` and `event` return both times of a TPDO in s, 0.0 for none. Of several frames that wait, the newest is
+    sent.
     """
 
     def __init__(self, inhibit: Callable[[Binding], float], event: Callable[[Binding], float]) -> None:
@@ -303,14 +299,14 @@ class Pacing:
         self._held: dict[Binding, Frame] = {}
 
     def restart(self, bindings: Collection[Binding], now: float) -> None:
-        """Start over with these TPDOs and their present times; what was held back is dropped."""
+        """Start over with these TPDOs and their present times; waiting frames are dropped."""
         self._inhibits = {each: time for each in bindings if (time := self._inhibit(each))}
         self._events = {each: now + time for each in bindings if (time := self._event(each))}
         self._free.clear()
         self._held.clear()
 
     def admit(self, binding: Binding, frame: Frame, now: float) -> list[Frame]:
-        """Return the frame if it may be sent now; otherwise hold it back, in place of an older one."""
+        """Return the frame if it may be sent now; else keep it in place of an older one."""
         if now < self._free.get(binding, now):
             self._held[binding] = frame
             return []
@@ -319,7 +315,7 @@ class Pacing:
         return [frame]
 
     def sent(self, binding: Binding, now: float) -> None:
-        """Note that a TPDO is sent, which starts both its times."""
+        """Note that a TPDO is sent, which restarts both times."""
         self._held.pop(binding, None)
         if binding in self._events:
             self._events[binding] = now + self._event(binding)
@@ -334,14 +330,14 @@ class Pacing:
         return min([*self._events.values(), *map(self._free.__getitem__, self._held)])
 
     def released(self, now: float) -> list[Frame]:
-        """Return what was held back and may be sent now."""
+        """Return the waiting frames that may be sent now."""
         released = {each: frame for each, frame in self._held.items() if self._free[each] <= now}
-        for binding in released:  # as if sent at the first allowed time: a late call does not stretch the inhibit time
+        for binding in released:  # from the first allowed time, so that a late call does not extend the inhibit time
             self.sent(binding, self._free[binding])
         return list(released.values())
 
     def due(self, now: float) -> list[Binding]:
-        """Return the TPDOs whose event timer is up."""
+        """Return the TPDOs whose event timer has expired."""
         due = [binding for binding, time in self._events.items() if time <= now]
         for binding in due:
             self.sent(binding, caught_up(self._events[binding], now))

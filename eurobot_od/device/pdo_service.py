@@ -1,6 +1,6 @@
-"""The PDO service of a running device: what it does with PDOs, SYNC and remote frames (CiA 301, 7.2.2 and 7.2.5).
+"""The PDO service of a running device: sending and receiving PDOs, SYNC and remote frames (CiA 301, 7.2.2 and 7.2.5).
 
-`device.pdo` says which PDOs there are and when they may be sent; here they are sent and received.
+`device.pdo` has the configuration and timing of PDOs.
 """
 
 from __future__ import annotations
@@ -25,14 +25,17 @@ from eurobot_od.pdo.kinds import Catalogue, Message
 class PdoService:
     """The PDOs of a device from one reset to the next; all times are in s.
 
-    `pdos` are its PDOs as they are configured now, `nmt` says whether they may be sent and received. What is sent later
-    is in the device's `plan`.
+    `pdos` are the PDOs as presently configured; `nmt` determines whether they may be sent and received. Later times are
+    in the device's `plan`.
     """
 
     def __init__(
         self, objects: Objects, catalogue: Catalogue, nmt: NmtStates, emergencies: Emergencies, plan: Plan
     ) -> None:
-        self._dictionary, self._nmt, self._emergencies, self._plan = objects.dictionary, nmt, emergencies, plan
+        self._dictionary = objects.dictionary
+        self._nmt = nmt
+        self._emergencies = emergencies
+        self._plan = plan
         self.pdos = Pdos(objects, catalogue)
         self._process = ProcessData(objects)
         self._pacing = Pacing(self.pdos.inhibit_time, self.pdos.event_timer)
@@ -43,15 +46,15 @@ class PdoService:
         self._following: list[Binding] = []
 
     def restart(self, now: float) -> None:
-        """Start over with the PDOs as they are configured now."""
+        """Start over with the present configuration."""
         self._pacing.restart(self.pdos.sent.values(), now)
         self._synchronous.restart(self.pdos.sent.values(), self.pdos.received.values())
-        # They belong to a SYNC before the change, and must not answer a remote frame.
+        # Values of a SYNC before the change must not be sent.
         self._sampled.clear()
-        # Decided here and not at each SYNC, which would ask hundreds of PDOs of many devices in each period.
+        # Here and not at each SYNC, because a device may have hundreds of PDOs.
         self._at_sync = [each for each in self.pdos.requestable.values() if self.pdos.is_sampled(each)]
         self._following = [each for each in self.pdos.sent.values() if self.pdos.follows_changes(each)]
-        for binding in self._deadlines.missed:  # nobody would report them as back: the watch starts over
+        for binding in self._deadlines.missed:  # supervision starts over
             self._emergencies.cleared((Deadlines, binding.name))
         received = self.pdos.received.values()
         self._deadlines.restart({each: time for each in received if (time := self.pdos.deadline(each))})
@@ -62,21 +65,21 @@ class PdoService:
         self._process.seen.clear()
 
     def settle(self) -> None:
-        """Store in the objects what PDOs have brought."""
+        """Store the values of received PDOs in the objects."""
         self._process.settle()
 
     # Time
 
     @property
     def next(self) -> float:
-        """Time at which something is due, infinite if nothing is."""
+        """Time of the next action, infinite if there is none."""
         return min(self._pacing.next, self._deadlines.next) if self._nmt.operational else inf
 
     def due(self, now: float) -> list[Frame]:
-        """Return the TPDOs that are due, and report the RPDOs that have not come in time."""
+        """Return the due TPDOs, and report overdue RPDOs."""
         if not self._nmt.operational:
             return []
-        # These come first: what an inhibit time has held back is older than what an event timer sends now.
+        # Frames that waited for the inhibit time are older than those of event timers.
         frames = self._pacing.released(now)
         frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
         for binding in self._deadlines.overdue(now):
@@ -84,21 +87,21 @@ class PdoService:
             self._emergencies.raised(ErrorCode.PDO_MISSING, (Deadlines, binding.name), cob_id)
         return frames
 
-    # What comes
+    # Receiving
 
     def receive(self, frame: Frame, now: float) -> Reaction:
-        """Take in an RPDO: its message is for the application, now or with the next SYNC."""
+        """Handle an RPDO: pass its message to the application, now or at the next SYNC."""
         binding = self.pdos.received[frame.cob_id]
         if not self._nmt.operational and not binding.always:
             return Reaction([])
         try:
             message = binding.decode(frame.data)
-        except FrameLengthError:  # too short is not processed, too long as far as it is mapped (CiA 301, Table 26)
+        except FrameLengthError:  # too short; a longer frame is processed as far as it is mapped (CiA 301, Table 26)
             self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
             return Reaction([])
         if len(frame.data) > binding.layout.length:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
-        # The length is right again: the end of an error is reported as well, by the error code 0x0000.
+        # The length is right again, which an EMCY with error code 0x0000 reports.
         elif binding.name in self._emergencies.errors:
             self._emergencies.cleared(binding.name)
         if self._deadlines.heard(binding, now):
@@ -114,10 +117,10 @@ class PdoService:
         self._emergencies.raised(code, binding.name, frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)]))
 
     def sync(self, frame: Frame, _: float) -> Reaction:
-        """Send what goes with this SYNC, with the present values; then let what waited for it take effect."""
+        """Send the TPDOs for this SYNC with the present values; then apply the waiting RPDOs."""
         if not self._nmt.operational:
             return Reaction([])
-        # In this order: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
+        # In this order, because TPDOs have the values before the SYNC.
         number = frame.data[0] if frame.data else None
         frames = [self._process.frame(binding) for binding in self._synchronous.due(number)]
         self._sampled = {binding: self._process.frame(binding) for binding in self._at_sync}
@@ -127,23 +130,23 @@ class PdoService:
         return Reaction(frames, synchronous=tuple(each.message for each in arrived))
 
     def requested(self, frame: Frame, _: float) -> Reaction:
-        """Send a TPDO that a remote frame asks for; a sampled one has the values of the last SYNC."""
+        """Send a TPDO that a remote frame requests; a sampled one has the values of the last SYNC."""
         binding = self.pdos.requestable[frame.cob_id]
         if not self._nmt.operational:
             return Reaction([])
         return Reaction([self._sampled.get(binding) or self._process.frame(binding)])
 
     def check_received(self, message: type[Message]) -> None:
-        """Raise StateError if no RPDO carries a message."""
+        """Check that an RPDO carries a message; raises StateError."""
         if message not in {each.type for each in self.pdos.received.values()}:
             raise StateError(f"{self._dictionary.name} has no RPDO for {message.__name__}; {self._has('receive')}")
 
-    # What goes
+    # Sending
 
     def transmit(self, message: Message) -> Frame:
         """Return the frame of a message as this device would send it.
 
-        Raises StateError if it is not one of its TPDOs or if its NMT state does not allow it, FieldError for a value.
+        Raises StateError if it has no such TPDO or its NMT state does not allow it, FieldError for a value.
         """
         return self._sendable(message).encode(message)
 
@@ -159,13 +162,13 @@ class PdoService:
         return f"{self._dictionary.file} says what it can {way}"
 
     def send(self, message: Message, now: float) -> list[Frame]:
-        """Return the frame of a message to send now; none if it has to wait for SYNC or for its inhibit time.
+        """Return the frame of a message to send now, in a list; empty if it waits for SYNC or its inhibit time.
 
-        Raises the errors of `transmit`.
+        Raises as `transmit`.
         """
         binding = self._sendable(message)
         frame = binding.encode(message)
-        if frame.data:  # into the objects as well: an SDO, a SYNC or a remote frame has to find what was sent last
+        if frame.data:  # the objects have the last sent values
             self._process.note(binding, frame.data)
         frames = self._admit(binding, frame, now)
         if not frames:
@@ -173,11 +176,10 @@ class PdoService:
         return frames
 
     def changed(self, now: float, may_go: Callable[[Binding], bool] | None = None) -> list[Frame]:
-        """Return the event-driven TPDOs whose values have changed since this was last asked.
+        """Return the event-driven TPDOs whose values have changed since the last call, for devices without application.
 
-        It is for a device whose application sends nothing by itself. Each TPDO counts as changed when the device
-        becomes OPERATIONAL. One that goes with the next SYNC waits for it (transmission type 0), an inhibited one is
-        held back, and one that `may_go` refuses is passed over until its next change.
+        Each TPDO counts as changed when the device becomes OPERATIONAL. One with transmission type 0 waits for SYNC, an
+        inhibited one waits for its time, and one that `may_go` refuses is skipped until its next change.
         """
         self._process.settle()
         if not self._nmt.operational:
@@ -190,7 +192,7 @@ class PdoService:
         return frames
 
     def _admit(self, binding: Binding, frame: Frame, now: float) -> list[Frame]:
-        """Return the frame if it may go now; a TPDO of a transmission type of SYNC waits for it."""
+        """Return the frame if it may be sent now; a synchronous TPDO waits for SYNC."""
         if binding in self._synchronous:
             self._synchronous.ask(binding)
             return []

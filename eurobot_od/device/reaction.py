@@ -1,4 +1,4 @@
-"""What the parts of a device have in common: what a frame, or the time, did to the device."""
+"""The result type that the parts of a device share."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from eurobot_od.pdo.kinds import Message
 
 
 class Reaction(NamedTuple):
-    """What a frame, or the time, did to a device.
+    """Result of a frame, or of the time, for a device.
 
-    The `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeats were
+    `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeats were
     `lost`, an SDO `answer` to the device as a client, the node-ID of a watched node that has `booted`, and the
-    `synchronous` messages, which had waited for SYNC.
+    `synchronous` messages, which have waited for SYNC.
     """
 
     frames: list[Frame]
@@ -26,5 +26,5 @@ class Reaction(NamedTuple):
     synchronous: tuple[Message, ...] = ()
 
 
-Ear = Callable[[Frame, float], Reaction]
-"""What a device does with the frames of one COB-ID, and the time at which they come, in s."""
+FrameHandler = Callable[[Frame, float], Reaction]
+"""Handler of frames with one COB-ID; called with the frame and the time in s."""

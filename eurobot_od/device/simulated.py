@@ -1,10 +1,9 @@
-"""Anybody's device, run from its file: it has the values that it is given, or waveforms, and sends what changes.
+"""A simulation of any device from its file: it has given values, or waveforms, and sends changes.
 
-Theory of operation. The device itself (`device.Device`) does everything that CANopen asks for. This file adds what an
-application would: where values come from, and when an event-driven TPDO is sent. After each frame and each tick the
-device is asked for the TPDOs whose contents have changed, and these are sent as their transmission type, inhibit time
-and NMT state allow. A value that changes by itself is looked at every `SAMPLING` seconds; an SDO, a SYNC, an event
-timer and a remote frame ask for it when they come.
+`device.Device` is the CANopen side. This module is the application: the source of values, and the sending of
+event-driven TPDOs. After each frame and each tick, TPDOs whose contents have changed are sent as their transmission
+type, inhibit time and NMT state allow. Values that change by themselves are sampled every `SAMPLING` s, and read for
+each SDO, SYNC, event timer and remote frame.
 """
 
 from __future__ import annotations
@@ -32,16 +31,25 @@ from eurobot_od.support.yaml_places import Problems, compose, refuse, refuse_ali
 from eurobot_od.support.yaml_shapes import DURATION, SCALAR, Shape, mapping, pairs_of, shape_of
 
 ObjectName: TypeAlias = "str | Address"
-"""An object by its ParameterNames, such as `Motor.Speed`, or by index and sub-index."""
+"""An object by ParameterNames, such as `Motor.Speed`, or by index and sub-index."""
 
 
 class SimulatedDevice(Node):
-    """A device, made from its EDS or DCF.
+    """A simulated device, made from its EDS or DCF.
 
-    A program of its own is a subclass with `READERS`, which give the values of objects, and `WRITERS`, which get each
-    new value that an SDO or an RPDO brings, and raise Refused for one they do not accept. Both get the device, whose
-    `now` is the time in seconds. For all other objects, `given` values replace the file's, and `waveforms` are asked
-    for theirs. Raises DictionaryError for an object that the file does not have.
+    A subclass may have `READERS`, functions that return values of objects, and `WRITERS`, functions that are called
+    with each new value from an SDO or RPDO, and raise Refused for one that they do not accept. The first argument of
+    both is the device, whose `now` is the time in s.
+
+    Args:
+        dictionary: the device's dictionary
+        store: keeps the settings over a restart
+        given: values that replace the file's
+        waveforms: functions from time in s to an object's value
+        lss: LSS slave, by which a master can set the node-ID
+
+    Raises:
+        DictionaryError: the file does not have a named object
     """
 
     READERS: ClassVar[Mapping[ObjectName, Callable[[Any], Value]]] = {}
@@ -57,13 +65,15 @@ class SimulatedDevice(Node):
         waveforms: Mapping[ObjectName, Waveform] | None = None,
         lss: LssSlave | None = None,
     ) -> None:
-        self._dictionary, self._given, self._waveforms = dictionary, given or {}, waveforms or {}
+        self._dictionary = dictionary
+        self._given = given or {}
+        self._waveforms = waveforms or {}
         self._switched_on = 0.0
         super().__init__(dictionary, store=store, lss=lss)
 
     @classmethod
     def load(cls, file: str | Path, node_id: int | None = None, **options: Any) -> Self:
-        """Make a device from an EDS or DCF file; `options` are those of the class. Raises DictionaryError."""
+        """Return a device from an EDS or DCF; `options` are those of the class. Raises DictionaryError."""
         return cls(Dictionary.load(file, node_id), **options)
 
     @property
@@ -79,7 +89,7 @@ class SimulatedDevice(Node):
             return self.device.objects.value(self._address(name))
 
     def set_value(self, name: ObjectName, value: Value) -> None:
-        """Give an object a value, from any thread, and send what this changes; raises the errors of `value`."""
+        """Set an object's value, from any thread, and send the changes; raises as `value`."""
         with self.guard:
             self.device.objects.put(self._address(name), value)
             self.soon(lambda _: None)
@@ -89,7 +99,7 @@ class SimulatedDevice(Node):
             name: partial(lambda waveform, device: waveform(device.now - device._switched_on), waveform)
             for name, waveform in self._waveforms.items()
         }
-        readers |= self.READERS  # after the waveforms: a program's own reader takes precedence
+        readers |= self.READERS  # have priority over waveforms
         measured = [(self._address(name), read) for name, read in readers.items()]
         application = super()._application(dictionary)
         return application._replace(
@@ -113,7 +123,7 @@ class SimulatedDevice(Node):
             raise DictionaryError(self._dictionary.file, address[0], f"sub {address[1]} is missing")
         return variable
 
-    # What is sent
+    # Sending
 
     def start(self, now: float) -> list[Frame]:
         return super().start(now) + self._changed()
@@ -128,58 +138,62 @@ class SimulatedDevice(Node):
         return self.device.pdo_service.changed(self.now)
 
     def reset(self) -> None:
-        """Start over, and the waveforms as well."""
+        """Start over, waveforms included."""
         super().reset()
         self._switched_on = self.now
         if self._waveforms or self.READERS:
             self._sample(self.now)
 
     def _sample(self, now: float) -> None:
-        """Look at what changes by itself, which each `tick` does."""
+        """Sample the values that change by themselves, which each `tick` does."""
         self.at(now + self.SAMPLING, self._sample)
 
 
 Waveform: TypeAlias = Callable[[float], float]
-"""Gives the value at a time in seconds."""
+"""Function from time in s to value."""
 
 Period: TypeAlias = Annotated[float, DURATION, yaml_shapes.longer_than_0]
-"""In seconds; in the file a duration with its unit."""
+"""Time in s; in the file a duration with its unit."""
 
 
 def constant(value: float) -> Waveform:
-    """A waveform that does not change."""
+    """Return a constant waveform."""
     return lambda _: value
 
 
 def ramp(low: float, high: float, period: Period) -> Waveform:
-    """Rises from `low` to `high` in each period, in seconds, and drops back to `low` at once."""
+    """Return a sawtooth from `low` to `high`, with its period in s."""
     return lambda time: low + (high - low) * (time / period % 1)
 
 
 def sine(low: float, high: float, period: Period) -> Waveform:
-    """Swings between `low` and `high`, starting upwards from the middle."""
+    """Return a sine between `low` and `high`, which starts upwards from the middle."""
     return lambda time: (low + high) / 2 + (high - low) / 2 * sin(2 * pi * time / period)
 
 
 def square(low: float, high: float, period: Period) -> Waveform:
-    """`low` for the first half of each period, `high` for the second."""
+    """Return a square wave: `low` for the first half of each period, `high` for the second."""
     return lambda time: low if time / period % 1 < 0.5 else high
 
 
 def steps(values: Annotated[Sequence[float], yaml_shapes.filled], every: Period) -> Waveform:
-    """One value after the other, each for `every` seconds, then from the beginning."""
+    """Return a waveform of `values` in turn, each for `every` s."""
     return lambda time: values[int(time / every) % len(values)]
 
 
 def walk(start: float, step: float, every: Period, seed: int = 1, low: float = -inf, high: float = inf) -> Waveform:
-    """A random walk within limits: up to `step` up or down `every` so many seconds, the same for the same seed."""
-    chance, steps_done, place = Random(seed), 0, start
+    """Return a random walk within limits: up to `step` up or down `every` s; the same for the same seed."""
+    chance = Random(seed)
+    steps_done = 0
+    place = start
 
     def at(time: float) -> float:
         nonlocal chance, steps_done, place
-        if time < steps_done * every:  # the time has started over
-            chance, steps_done, place = Random(seed), 0, start
-        # Every step, however seldom anybody looks: the same seed must give the same walk at any sampling rate.
+        if time < steps_done * every:  # the time has been reset
+            chance = Random(seed)
+            steps_done = 0
+            place = start
+        # Every step, so that the walk does not depend on the sampling rate.
         for _ in range(int(time / every) - steps_done):
             place = min(max(place + chance.uniform(-step, step), low), high)
             steps_done += 1
@@ -189,10 +203,10 @@ def walk(start: float, step: float, every: Period, seed: int = 1, low: float = -
 
 
 def fitted(value: float, type_: DataType) -> Value:
-    """Return what an object of a type holds of a value: an integer is rounded, and kept within the type's range."""
+    """Return a value as an object of a type stores it: an integer is rounded and limited to the type's range."""
     if not type_.is_integer:
         return value
-    # A user's function may return infinity or NaN, for which round() raises.
+    # `round` raises for infinity and NaN.
     return min(max(round(value), type_.low), type_.high) if isfinite(value) else type_.low
 
 
@@ -214,7 +228,7 @@ NUMBER: Shape[float] = yaml_shapes.converted(SCALAR, _number)
 WAVEFORMS: Mapping[str, Shape[Waveform]] = {
     each.__name__: shape_of(each, {float: NUMBER, int: NUMBER}) for each in (ramp, sine, square, steps, walk)
 }
-"""The reader of each waveform, by its name in the file."""
+"""Shapes of waveforms, by name in the file."""
 
 
 def _waveform(node: yaml.Node, problems: Problems) -> Waveform:
@@ -228,7 +242,7 @@ def _waveform(node: yaml.Node, problems: Problems) -> Waveform:
 
 
 def read_waveforms(text: str, file: str) -> Mapping[str, Waveform]:
-    """Read the waveforms of a YAML text by the names of their objects; `file` is its name in errors.
+    """Parse the waveforms of a YAML text, by the names of their objects; `file` is its name in errors.
 
     Raises YamlError.
     """

@@ -1,10 +1,9 @@
-"""A node at its controller: received frames to the node, its frames to the queue, and what happens when it fails.
+"""A node with its controller: passing frames between node and queue, and the reaction to failures of the node.
 
-There is no bus and no thread in here yet: `bus/live` and `bus/simulated` both drive stations. Whichever thread calls,
-the node's `guard` is held while the node works and until its frames are in the queue, so that frames leave in the
-order in which the node made them.
+There is no bus and no thread in this module: `bus/live` and `bus/simulated` use stations. The node's `guard` is held
+while the node works and until its frames are queued, so that frames are sent in the node's order.
 
-Several nodes may share one station's connection to the bus, as a group.
+A group of nodes may share one connection to the bus.
 """
 
 from __future__ import annotations
@@ -28,20 +27,20 @@ NODE_LOG = logging.getLogger("eurobot_od.node")
 
 
 class OnError(Enum):
-    """What happens to a node that raises an exception, after it was stopped and an EMCY has reported it."""
+    """Reaction to a node's exception, after it was stopped and an EMCY was sent."""
 
     END = "end"
     RESTART = "restart"
 
 
 class Station:
-    """One node with its own controller, to which more listeners may be added.
+    """A node with its own controller, to which more listeners may be added.
 
-    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was last asked for. An
-    exception of the node is reported like a listener's, and `on_error` says what happens to the node then. Without
-    `on_error`, as in a simulation whose user wants to see it, the exception is raised unless a frame has caused it.
-    `failure` tells why the node has ended, None while it goes on; `last_failure` is there after a restart as well, with
-    the number of failures so far. With `is_logged` each kind of failure is logged once, with its traceback.
+    `plan.soonest` is earlier than the last `next_wakeup` if the node has planned something since. An exception of the
+    node is reported like a listener's, followed by the reaction `on_error`. Without `on_error`, as in a simulation, the
+    exception is raised unless a frame has caused it. `failure` is the reason why the node has ended, or None;
+    `last_failure` is kept after a restart, with the number of failures. With `is_logged`, each kind of failure is
+    logged once, with its traceback.
     """
 
     def __init__(
@@ -53,17 +52,20 @@ class Station:
         on_error: OnError | None = None,
         is_logged: bool = True,
     ) -> None:
-        self.node, self.plan = node, node.device.plan
+        self.node = node
+        self.plan = node.device.plan
         self.controller = node.controller(report, clock)
         self.failure: NodeFailed | None = None
         self.last_failure: NodeFailed | None = None
-        self._logged, self._is_logged = set[str](), is_logged
-        self._on_error, self._backoff = on_error, Backoff()
+        self._logged = set[str]()
+        self._is_logged = is_logged
+        self._on_error = on_error
+        self._backoff = Backoff()
         self._restarts_at: float | None = None
-        """When a failed node is restarted; None while it runs."""
+        """Time of the restart of a failed node; None while it runs."""
         self._identifiers = node.device.identifiers
         node.alarm = lambda text: self.controller.report(Report(Event.NODE_ALARM, node.name, text, node.now))
-        # A function, because a master may change the identifiers; the controller then asks again.
+        # A function, because a master may change the identifiers.
         self._listener = self.controller.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
@@ -71,7 +73,7 @@ class Station:
         self._do(self.node.start, now)
 
     def tick(self, now: float) -> None:
-        """Let the node do what is due, or restart it after a failure."""
+        """Run the node's due actions, or restart it after a failure."""
         with self.node.guard:
             restarts = self._restarts_at is not None and now >= self._restarts_at
             if restarts:
@@ -79,32 +81,32 @@ class Station:
             self._do(self.node.restart if restarts else self.node.tick, now)
 
     def requested(self, cob_id: int, now: float) -> None:
-        """Hand the node a remote frame: listeners do not hear those, but a node may be asked by them."""
+        """Pass a remote frame to the node; listeners do not receive them."""
         self._do(lambda now: self.node.requested(cob_id, now), now)
 
     @property
     def next_wakeup(self) -> float:
-        """When to call `tick`, in the node's time; infinite if nothing is planned."""
+        """Time for the next `tick`, in the node's time; infinite if nothing is planned."""
         with self.node.guard:
             wakeup = self.node.next_wakeup if self._restarts_at is None else self._restarts_at
-            # Whoever asks sleeps until then: from now on, only something that is planned for sooner has to wake them.
+            # The caller sleeps until then, and has to be woken only by an earlier plan.
             self.plan.soonest = wakeup
             return wakeup
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
-        """Tell the node what the CAN controller reports."""
+        """Pass an error of the CAN controller to the node."""
         with self.node.guard:
             self.node.bus_error(code, now)
 
     def bus_lost(self, now: float) -> None:
-        """Tell the node that the bus is lost."""
+        """Notify the node that the bus is lost."""
         with self.node.guard:
-            # The transfer they belong to is given up: after the gap nobody is waiting for these answers.
+            # The SDO transfer is dropped, so its answers are not needed any more.
             self.controller.queue.withdraw(self.node.device.sdo_service.answers)
             self._do(self.node.bus_lost, now)
 
     def _do(self, step: Callable[[float], list[Frame]], now: float) -> None:
-        """Have the node take a step, unless it is down, and submit its frames."""
+        """Run a step of the node, unless it has failed, and queue its frames."""
         with self.node.guard:
             if self._restarts_at is not None:
                 return
@@ -117,10 +119,10 @@ class Station:
             self._submit(frames, now)
 
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
-        """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
-        frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
+        """Stop a node after an exception, report it, and end the node or plan its restart."""
+        frames = self.node.failed(error, now)  # first, because these include stop messages
         text = described(error)
-        if self._is_logged and text not in self._logged:  # a node that is restarted may fail in the same way for hours
+        if self._is_logged and text not in self._logged:  # a restarted node may fail in the same way for hours
             self._logged.add(text)
             NODE_LOG.error("%s has failed", self.node.name, exc_info=error)
         if self._on_error is OnError.END:
@@ -141,7 +143,7 @@ class Station:
         with self.node.guard:
             if self._restarts_at is not None:
                 return
-            try:  # the same as `_do`, written out: every frame goes through here
+            try:  # `_do`, inlined for speed
                 frames = self.node.receive(frame, now)
             except (Exception, SystemExit) as error:
                 if self._on_error is None:
@@ -156,25 +158,24 @@ class Station:
     def _submit(self, frames: list[Frame], now: float) -> None:
         queue, device = self.controller.queue, self.node.device
         if frames and frames[0].cob_id == device.sdo_service.answers:
-            # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, the
-            # answers to a client that asks for block after block would pile up.
+            # A client with a new request no longer waits for the earlier answer; otherwise answers would pile up.
             queue.withdraw(device.sdo_service.answers)
         for frame in frames:
             stay = device.stay(frame)
-            # A stop is repeated: it is enough if one of a kind waits.
+            # Stop messages are repeated, so one of a kind in the queue is enough.
             if not (stay is Stay.LASTING and frame.cob_id in device.pdos.always_sent and queue.holds(frame)):
                 queue.submit(frame, now, stay)
 
 
-# A group: each node hears what the others send, as on the bus itself
+# A group: each node receives the frames of the others, as on a bus
 
 
 MOST_AT_ONCE = 1000
-"""Most frames among the nodes before time goes on: two nodes that answer each other for ever must not stop it."""
+"""Most frames among the nodes at one time, in case two nodes answer each other without end."""
 
 
 class NodeGroup:
-    """Nodes that hear what comes from outside and what the others of the group send."""
+    """Nodes that receive frames from outside and from each other."""
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         self.nodes = tuple(nodes)
@@ -186,7 +187,7 @@ class NodeGroup:
 
     @property
     def next_wakeup(self) -> float:
-        """Time at which `tick` wants to be called, infinite if nothing is planned."""
+        """Time for the next `tick`, infinite if nothing is planned."""
         return self._now if self._waiting else min(self._wakeups.values(), default=inf)
 
     def start(self, now: float) -> list[Frame]:
@@ -196,12 +197,12 @@ class NodeGroup:
         return self._settled(now)
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        """Take in one frame, which may be a remote frame, and return the frames to send."""
+        """Handle a frame, which may be a remote frame, and return the frames to send."""
         self._waiting.append((None, frame))
         return self._settled(now)
 
     def bus_lost(self, now: float) -> None:
-        """Tell the nodes that the bus is lost; what waits for it now, nobody waits for after the gap."""
+        """Notify the nodes that the bus is lost, and drop waiting frames."""
         self._waiting.clear()
         for node in self.nodes:
             self._take(node, node.bus_lost(now))
@@ -214,14 +215,15 @@ class NodeGroup:
         return self.tick(now)
 
     def tick(self, now: float) -> list[Frame]:
-        """Do what is due by now and return the frames to send."""
+        """Do all due actions, and return the frames to send."""
         for node in [node for node, due in self._wakeups.items() if due <= now]:
             self._take(node, node.tick(now))
         return self._settled(now)
 
     def _settled(self, now: float) -> list[Frame]:
-        """Let the nodes hear what is waiting, and each other's answers; return what they have sent."""
-        self._now, sent = now, list[Frame]()
+        """Deliver all waiting frames and the nodes' answers; return the frames to send."""
+        self._now = now
+        sent = list[Frame]()
         for _ in range(MOST_AT_ONCE):
             if not self._waiting:
                 break
@@ -235,7 +237,7 @@ class NodeGroup:
         return sent
 
     def _take(self, node: Node, frames: Sequence[Frame] = ()) -> None:
-        """Line up what a node sends, and note when it wants to be called and what it hears: both may have changed."""
+        """Queue a node's frames, and update its wake-up time and identifiers."""
         self._waiting.extend((node, frame) for frame in frames)
         self._wakeups[node] = node.next_wakeup
         identifiers = node.device.identifiers

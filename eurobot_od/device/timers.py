@@ -1,7 +1,7 @@
-"""Timers, which call a node's functions at a time; deadlines; a node's plan; and flows, which ask and wait.
+"""Timers of a node, deadlines, plans, and flows, which send requests and wait for answers.
 
-There is no clock in here: the time, in seconds, is what the caller says it is. Timers that are due at the same time are
-called in the order in which they were set. Otherwise a simulated match would not be the same twice.
+There is no clock in this module: callers pass the time in s. Timers with the same time are called in the order in which
+they were set, so that a simulated match is reproducible.
 """
 
 from __future__ import annotations
@@ -21,24 +21,23 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
 
 TimerAction: TypeAlias = Callable[[float], None]
-"""What to do when a timer is due; gets the time it was set for."""
+"""Function that a timer calls with the time for which it was set."""
 
 
 LATE = 1.0
-"""Seconds by which a node may be late and still catch up; what is later was missed, as the process stood still."""
+"""Largest delay of an action that is still made up for, in s; after a longer standstill it was missed."""
 
 
 def caught_up(due: float, now: float) -> float:
-    """Return the time from which to plan what follows something `due`: that time, or now if it was missed.
+    """Return the time from which the next action is planned: `due`, or now if that was missed.
 
-    So one late call does not delay the next, and a node that has stood still for minutes does not do everything at once
-    that it has missed.
+    A late call then does not delay the next one, and after a long standstill missed actions are not all repeated.
     """
     return due if now - due <= LATE else now
 
 
 class Timer:
-    """A function waiting for its time; after `cancel` it is never called."""
+    """A function to be called at a time, unless `cancel` is called before."""
 
     __slots__ = ("action", "time")
 
@@ -47,12 +46,12 @@ class Timer:
         self.action: TimerAction | None = action
 
     def cancel(self) -> None:
-        """Forget the function; the heap drops the timer once it is at the top, which is cheaper than a search."""
+        """Cancel the timer; the heap drops it later."""
         self.action = None
 
 
 class Timers:
-    """The timers of one node, soonest first; `planned` gets the time of each new one."""
+    """Timers of one node; `planned` is called with the time of each new one."""
 
     def __init__(self, planned: Callable[[float], object] = lambda _: None) -> None:
         self._planned = planned
@@ -60,25 +59,24 @@ class Timers:
         self._order = itertools.count()
 
     def at(self, time: float, action: TimerAction) -> Timer:
-        """Have `action` called when the time comes."""
+        """Call `action` at a time."""
         timer = Timer(time, action)
-        # The number keeps timers of the same time in order, and keeps the heap from comparing timers, which it cannot.
+        # The number keeps timers with the same time in order; timers themselves cannot be compared.
         heapq.heappush(self._heap, (time, next(self._order), timer))
         self._planned(time)
         return timer
 
     @property
     def next(self) -> float:
-        """Time of the soonest timer, infinite if there is none."""
+        """Time of the next timer, infinite if there is none."""
         while self._heap and self._heap[0][2].action is None:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else inf
 
     def due(self, now: float) -> Iterator[tuple[TimerAction, float]]:
-        """Yield what is due, each with the time it was set for, including what becomes due meanwhile.
+        """Yield the due actions, each with the time for which it was set; timers that are added meanwhile are included.
 
-        A late node gets the planned times, so that what repeats itself by adding a period to them does not drift. What
-        it has missed (see `caught_up`) it gets once, with the present time.
+        The planned times prevent drift of periodic actions. A missed action (see `caught_up`) has the present time.
         """
         while self.next <= now:
             time, _, timer = heapq.heappop(self._heap)
@@ -91,12 +89,11 @@ class Timers:
 
 
 class Plan:
-    """The soonest of all times that a node has planned; timers note theirs with `at`.
+    """The earliest of all times that a node has planned; timers note theirs by `at`.
 
-    After each frame the receiving thread compares this one number, instead of asking every timer of the node, to see
-    whether the thread that keeps the time has to be woken. It is never later than the first thing that is due. It may
-    be sooner, as a plan may be dropped: that costs one needless look. The keeper of the time sets `soonest` when it
-    asks the node.
+    After each frame, the receiving thread compares this number to decide whether the keeper has to be woken. It is
+    never later than the first due action, but may be earlier if a plan was dropped, which costs one needless check. The
+    keeper sets `soonest` when it asks the node.
     """
 
     __slots__ = ("soonest",)
@@ -105,7 +102,7 @@ class Plan:
         self.soonest = inf
 
     def at(self, time: float) -> None:
-        """Note that something is due at a time in seconds."""
+        """Note an action at a time in s."""
         if time < self.soonest:
             self.soonest = time
 
@@ -117,9 +114,9 @@ Awaited = TypeVar("Awaited", bound=Hashable)
 
 
 class Deadlines(Generic[Awaited]):
-    """Things that have to come again within their times; `missed` are those that have not come in time.
+    """Events that must come again within their times; `missed` are those that have not.
 
-    A device has deadlines for its RPDOs (CiA 301, 7.5.2.35: event timer of an RPDO) and for other nodes' heartbeats.
+    A device has deadlines for its RPDOs (CiA 301, 7.5.2.35: event timer of an RPDO) and for heartbeats of other nodes.
     """
 
     def __init__(self) -> None:
@@ -128,46 +125,46 @@ class Deadlines(Generic[Awaited]):
         self.missed: set[Awaited] = set()
 
     def restart(self, times: Mapping[Awaited, float]) -> None:
-        """Start over with these times; nothing is awaited before it has come once."""
+        """Start over with these times; supervision of each event begins with its first occurrence."""
         self.times = times
         self._deadlines.clear()
         self.missed.clear()
 
     def change(self, times: Mapping[Awaited, float]) -> None:
-        """Take over other times; whatever does not change goes on."""
+        """Set other times; unchanged ones are continued."""
         kept = {each for each in times if times[each] == self.times.get(each)}
         self.times = times
-        # To their old deadlines: otherwise each write to 0x1016 would give all other nodes more time.
+        # With their old deadlines, so that a write to 0x1016 does not extend them.
         self._deadlines = {each: self._deadlines[each] for each in kept & self._deadlines.keys()}
         self.missed &= kept
 
     def awaits(self, what: Awaited) -> bool:
-        """Return whether it has come, and has to come again in time."""
+        """Return whether an event has come, and must come again in time."""
         return what in self._deadlines
 
     def heard(self, what: Awaited, now: float) -> bool:
-        """Note that it has come; return whether it had been missed."""
+        """Note an event; return whether it had been missed."""
         if what not in self.times:
             return False
         self._deadlines[what] = now + self.times[what]
         return self.back(what)
 
     def back(self, what: Awaited) -> bool:
-        """Note that it is there, without a new deadline; return whether it had been missed."""
+        """Note an event without a new deadline; return whether it had been missed."""
         was_missed = what in self.missed
         self.missed.discard(what)
         return was_missed
 
     @property
     def next(self) -> float:
-        """Time at which the next one is late, infinite if none is awaited."""
+        """Earliest deadline, infinite if there is none."""
         return min(self._deadlines.values()) if self._deadlines else inf
 
     def overdue(self, now: float) -> list[Awaited]:
-        """Return what has not come in time by now, each once."""
+        """Return the events that are overdue by now, each once."""
         late = [each for each, deadline in self._deadlines.items() if deadline <= now]
         for each in late:
-            del self._deadlines[each]  # reported once; when it comes again the watch starts over
+            del self._deadlines[each]  # reported once; supervision restarts with its next occurrence
             self.missed.add(each)
         return late
 
@@ -176,9 +173,9 @@ Result = TypeVar("Result")
 
 
 class Ask(NamedTuple):
-    """Send `request` up to `attempts` times, `wait` seconds apart, until the `answer` comes; None is not sent.
+    """Send `request` up to `attempts` times, `wait` s apart, until the `answer` comes; a request of None is not sent.
 
-    The answer to a message is a message type, that to an SDO request the COB-ID of a frame about the same object.
+    The answer to a message is a message type; to an SDO request, the COB-ID of a frame about the same object.
     """
 
     request: Message | Frame | None
@@ -187,38 +184,38 @@ class Ask(NamedTuple):
     attempts: int
 
     def fits(self, heard: Message | Frame) -> bool:
-        """Return whether this is the answer."""
+        """Return whether a frame or message is the answer."""
         if isinstance(heard, Frame):
-            # A late answer to an earlier question, or one to somebody else's, is about another object (bytes 1 to 3).
+            # Answers to other requests are about another object (bytes 1 to 3).
             asked = self.request.data[1:4] if isinstance(self.request, Frame) else heard.data[1:4]
             return heard.cob_id == self.answer and heard.data[1:4] == asked
         return not isinstance(self.answer, int) and isinstance(heard, self.answer)
 
     def unanswered(self) -> NoAnswer:
-        """Return the error for a request that nobody has answered."""
+        """Return the error about a request without an answer."""
         request = str(self.request or "") if isinstance(self.request, Frame | None) else type(self.request).__name__
         answer = f"0x{self.answer:03X}" if isinstance(self.answer, int) else self.answer.__name__
         return NoAnswer(request, answer, self.attempts, self.wait)
 
 
 class Pause(NamedTuple):
-    """Do nothing for `seconds`."""
+    """Wait for `seconds`."""
 
     seconds: float
 
 
 START = Pause(0.0)
-"""What every script yields first; it is resumed with the time."""
+"""First value that every script yields; it is resumed with the time."""
 
 
 Script: TypeAlias = Generator[Ask | Pause, Any, Result]
-"""A flow's generator: resumed with the answer (Ask) or the time (Pause); NoAnswer is thrown into it."""
+"""Generator of a flow: resumed with the answer (Ask) or the time (Pause); NoAnswer is thrown into it."""
 
 
 class Call(Future[Result], Generic[Result]):
-    """The result of a flow: `await` it in asyncio, or get it with `result(timeout)` from another thread.
+    """The result of a flow: `await` it in asyncio, or call `result(timeout)` from another thread.
 
-    `is_wanted` tells whether anybody has awaited it or asked it for anything.
+    `is_wanted` is set once the call was used.
     """
 
     is_wanted = False
@@ -228,7 +225,7 @@ class Call(Future[Result], Generic[Result]):
         return asyncio.wrap_future(self).__await__()
 
     def result(self, timeout: float | None = None) -> Result:
-        """Return the result once it is there; raises what the flow raised, CancelledError, TimeoutError."""
+        """Return the result once it is available; raises the flow's error, CancelledError, TimeoutError."""
         self.is_wanted = True
         return super().result(timeout)
 
@@ -238,17 +235,17 @@ class Call(Future[Result], Generic[Result]):
         return super().done()
 
     def cancel(self) -> bool:
-        """Give the call up; return whether it was still possible."""
+        """Cancel the call; return whether that was still possible."""
         self.is_wanted = True
         return super().cancel()
 
 
 def shielded(call: Call[Result]) -> Call[Result]:
-    """Return a call with the same result; cancelling it leaves the flow alone."""
+    """Return a call with the same result; cancelling it does not cancel the flow."""
     mirror: Call[Result] = Call()
 
     def settle(done: Future[Result]) -> None:
-        # False if the mirror was cancelled; setting a result would raise then.
+        # False if the mirror was cancelled, when setting a result would raise.
         if mirror.set_running_or_notify_cancel():
             error = done.exception()
             mirror.set_result(done.result()) if error is None else mirror.set_exception(error)
@@ -258,7 +255,7 @@ def shielded(call: Call[Result]) -> Call[Result]:
 
 
 class Flow(Generic[Result]):
-    """One running script; `send` puts a message on the bus, `ended` is called once, with the flow."""
+    """A running script; `send` sends a message, `ended` is called once with the flow."""
 
     def __init__(
         self,
@@ -272,26 +269,26 @@ class Flow(Generic[Result]):
         self._ask: Ask | None = None
         self._sent = 0
         self._timer: Timer | None = None
-        # Up to its START: only a script that has begun can have an error thrown into it, and runs its `finally`.
+        # Up to START, so that errors can be thrown into the script.
         next(script)
 
     def go_on(self, now: float) -> None:
-        """Run the script to its next Ask or Pause, unless it has ended: from its START, or after a Pause.
+        """Resume the script from START or a Pause, unless it has ended.
 
-        The script of a call that was cancelled is ended.
+        The script of a cancelled call is closed.
         """
         if getgeneratorstate(self._script) != GEN_CLOSED:
             self._resume(lambda: self._script.send(now), now)
 
     def heard(self, message: Message | Frame, now: float) -> bool:
-        """Take in a received message or SDO answer; return whether it was the answer that the flow waits for."""
+        """Handle a received message or SDO answer; return whether it was the awaited answer."""
         if self._ask is None or not self._ask.fits(message):
             return False
         self._resume(lambda: self._script.send(message), now)
         return True
 
     def fail(self, error: Exception, now: float) -> None:
-        """Throw an error into the script, which may turn it into a result."""
+        """Throw an error into the script, which may handle it."""
         self._resume(lambda: self._script.throw(error), now)
 
     def _resume(self, step: Callable[[], Ask | Pause], now: float) -> None:
@@ -299,32 +296,33 @@ class Flow(Generic[Result]):
         if self._timer:
             self._timer.cancel()
         if self.call.cancelled():
-            self._script.close()  # its `finally` runs now, on this thread, and not whenever it is garbage collected
+            self._script.close()  # runs its `finally` now and in this thread
             self._ended(self)
             return
         try:
             wanted = step()
         except StopIteration as end:
             self._end(partial(self.call.set_result, end.value))
-        except Exception as error:  # including a bug in a script: it is the caller's, and must not stop the node
+        except Exception as error:  # also for a bug in the script, which must not stop the node
             self._end(partial(self.call.set_exception, error))
         else:
             if isinstance(wanted, Pause):
                 self._timer = self._timers.at(now + wanted.seconds, self.go_on)
             else:
-                self._ask, self._sent = wanted, 0
+                self._ask = wanted
+                self._sent = 0
                 self._transmit(now)
 
     def _end(self, settle: Callable[[], None]) -> None:
         self._ended(self)
-        if self.call.set_running_or_notify_cancel():  # from here on it is too late to cancel it
+        if self.call.set_running_or_notify_cancel():  # it cannot be cancelled any more
             settle()
 
     def _transmit(self, now: float) -> None:
         ask = self._ask
         if ask is None:
             return
-        # The last attempt gets its full wait, too: only the timer after it says that nobody answered.
+        # After the full wait of the last attempt.
         if self._sent == ask.attempts or self.call.cancelled():
             self.fail(ask.unanswered(), now)
             return

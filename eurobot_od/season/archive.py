@@ -37,7 +37,7 @@ from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.dbc import ForeignMessage, FramesOfDevice, only_canopen, read_dbc
-from eurobot_od.traffic.decoding import HEARTBEATS, OF_DATES, DecoderSpan, Following
+from eurobot_od.traffic.decoding import HEARTBEATS, OF_DATES, DecoderSpan, TrackingDecoder
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
@@ -319,7 +319,7 @@ class RunTables:
         self._kept: dict[MessageDecoding, list[pl.DataFrame]] = {each: [] for each in decoding.messages.values()}
         self._plain, self._wrong = list[pl.DataFrame](), list[pl.DataFrame]()
         self._now: dict[str, NetworkDecoding] = {}
-        self._following = Following(decoding.decoder)
+        self._following = TrackingDecoder(decoding.decoder)
         self.frames = 0
         self.damaged = Counter[str]()
         self._ends: dict[str, float | None] = {"start": None, "end": None}

@@ -1,4 +1,4 @@
-"""Two logs that should be the same: which frames differ, are missing, are late.
+"""Compares two logs that should be the same: frames that differ, are missing or are late.
 
 Theory of operation: the frames of each identifier are two rows that are walked side by side. Frames that agree in time
 and values, within the tolerances, are a pair. Where two do not, there are three explanations: they are a pair anyway
@@ -28,7 +28,7 @@ from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
 
 class ComparedEntry(NamedTuple):
-    """An entry: its time in s, and what came then; the channel, where there are several, and what decodes it there."""
+    """An entry: its time in s and content, its channel if there are several, and its decoder."""
 
     time: float
     raw: Raw
@@ -39,17 +39,17 @@ class ComparedEntry(NamedTuple):
 Entry: TypeAlias = Timed | tuple[float, Raw, str] | ComparedEntry
 
 AHEAD = 8
-"""How many of the next frames decide which explanation is taken."""
+"""Number of following frames that decide between explanations."""
 
 ALIGNED_BY = 100
-"""How many different frames' first appearances are used to find how far the two clocks are apart."""
+"""Number of distinct frames whose first times give the offset between the clocks."""
 
 TIME = 0.001
-"""Default tolerance of times, s."""
+"""Default tolerance of times, in s."""
 
 
 class DifferenceKind(Enum):
-    """How two logs differ; the value is the word for it."""
+    """Kinds of differences, with their words in reports."""
 
     MISSING = "missing"
     EXTRA = "extra"
@@ -59,7 +59,7 @@ class DifferenceKind(Enum):
 
 
 class Difference(NamedTuple):
-    """One difference: `time` in s since the beginning, the message's `name`, and what it is in words.
+    """A difference: `time` in s from the common beginning, the message's `name`, and a description.
 
     The time is that of the frame in the first log; of one that is extra, that in the second. `channel` is empty where
     there is one bus.
@@ -73,7 +73,7 @@ class Difference(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """How far times may be apart, s, and the values of fields, by the names of message and field."""
+    """Tolerances of times, in s, and of field values by the names of message and field."""
 
     time: float = TIME
     fields: Mapping[tuple[str, str], float] = MappingProxyType({})
@@ -82,7 +82,8 @@ class Tolerances(NamedTuple):
         """Return whether two values of a field count as equal."""
         if old == new or not isinstance(old, (int, float)) or not isinstance(new, (int, float)):
             return bool(old == new)
-        apart, tolerance = abs(old - new), self.fields.get(field, 0.0)
+        apart = abs(old - new)
+        tolerance = self.fields.get(field, 0.0)
         # 359 and 1 degree are 2 apart
         return min(apart, abs(modulus - apart)) <= tolerance if modulus else apart <= tolerance
 
@@ -90,9 +91,10 @@ class Tolerances(NamedTuple):
 def compare(
     first: Sequence[Entry], second: Sequence[Entry], decode: Decoder, tolerances: Tolerances
 ) -> list[Difference]:
-    """Return how the second log differs from the first, in the order of time."""
+    """Return the differences of the second log from the first, in order of time."""
     comparison = _Comparison(lru_cache(REMEMBERED)(decode), tolerances)
-    rows, others = _by_identifier(first, 0.0), _by_identifier(second, _apart(first, second))
+    rows = _by_identifier(first, 0.0)
+    others = _by_identifier(second, _apart(first, second))
     begin = min((row[0].time for row in (*rows.values(), *others.values())), default=0.0)
     found = [
         difference._replace(time=round(difference.time - begin, 6), channel=key[1])
@@ -106,7 +108,7 @@ _time = attrgetter("time")
 
 
 def _by_identifier(entries: Iterable[Entry], apart: float) -> dict[tuple[Any, ...], list[ComparedEntry]]:
-    """Return the entries by identifier, or by their damage, and by channel; `apart` is what their clock is ahead."""
+    """Return the entries by identifier or damage, and channel; `apart` is the lead of their clock in s."""
     rows: dict[tuple[Any, ...], list[ComparedEntry]] = {}
     for seen in starmap(ComparedEntry, entries):
         rows.setdefault((seen.raw[0], seen.channel), []).append(seen._replace(time=seen.time - apart))
@@ -114,11 +116,11 @@ def _by_identifier(entries: Iterable[Entry], apart: float) -> dict[tuple[Any, ..
 
 
 def _apart(first: Sequence[Entry], second: Sequence[Entry]) -> float:
-    """Return how far the second log's clock is ahead of the first one's, s."""
+    """Return the lead of the second log's clock over the first one's, in s."""
     begins, others = _first_times(first), _first_times(second)
     common = islice((others[raw] - time for raw, time in begins.items() if raw in others), ALIGNED_BY)
     differences = list(common)
-    # The median: a frame that is missing at the beginning of one log moves its own difference, but not this.
+    # A frame missing at the beginning of one log does not move the median.
     return median_low(differences) if differences else 0.0
 
 
@@ -130,7 +132,7 @@ def _first_times(entries: Iterable[Entry]) -> dict[tuple[Any, ...], float]:
 
 
 class _Comparison:
-    """Compares rows of frames with one identifier."""
+    """Compares the frames of one identifier."""
 
     def __init__(self, decode: Callable[[Raw], Meaning], tolerances: Tolerances) -> None:
         self._decode, self._tolerances = decode, tolerances
@@ -139,7 +141,7 @@ class _Comparison:
         return (seen.decode or self._decode)(seen.raw)
 
     def differences(self, first: Sequence[ComparedEntry], second: Sequence[ComparedEntry]) -> Iterator[Difference]:
-        """Walk two rows and yield what differs."""
+        """Walk through two rows of frames and yield the differences."""
         one = other = 0
         while one < len(first) and other < len(second):
             step = (1, 1)
@@ -152,18 +154,18 @@ class _Comparison:
     def _explanation(
         self, first: Sequence[ComparedEntry], second: Sequence[ComparedEntry], one: int, other: int
     ) -> tuple[int, int]:
-        """Return by how many frames to go on in each row: a pair, or one or more that only one of them has."""
+        """Return how many frames to advance in each row: a pair, or frames that only one row has."""
         slack = self._tolerances.time
         up_to = bisect_left(first, second[other].time - slack, one, key=_time) - one
         other_up_to = bisect_left(second, first[one].time - slack, other, key=_time) - other
         steps = ((1, 1), (1, 0), (0, 1), (max(up_to, 1), 0), (0, max(other_up_to, 1)))
 
         def agreeing(step: tuple[int, int]) -> int:
-            """Count how many of the next frames agree if the rows go on so."""
+            """Count the next frames that agree after a step."""
             place, other_place = one + step[0], other + step[1]
             return sum(map(self._agree, first[place : place + AHEAD], second[other_place : other_place + AHEAD]))
 
-        # `max` takes the first of equals: in doubt a pair.
+        # `max` returns the first of equals, which is a pair.
         return max(steps, key=agreeing)
 
     def _explained(self, ones: Sequence[ComparedEntry], others: Sequence[ComparedEntry]) -> Iterator[Difference]:
@@ -190,7 +192,7 @@ class _Comparison:
         return Difference(seen.time, kind, self._name(seen), with_defects(self._meaning(seen)))
 
     def _name(self, seen: ComparedEntry) -> str:
-        """Return what a frame is called: its message, its identifier, or what is wrong with it."""
+        """Return the name of a frame: its message, its identifier, or its damage."""
         raw = seen.raw
         identifier = f"0x{identifier_text(raw.cob_id)}" if isinstance(raw, Frame) else raw.damage.value
         return self._meaning(seen).name or identifier
@@ -198,7 +200,7 @@ class _Comparison:
     # Values
 
     def _changes(self, one: ComparedEntry, other: ComparedEntry) -> list[str]:
-        """Say which values have changed."""
+        """Return the changed values as text."""
         if one.raw == other.raw:
             return []
         was, now = self._meaning(one), self._meaning(other)

@@ -1,4 +1,4 @@
-"""Frames of other protocols on the same wire, named by DBC files and by what else cantools reads: KCD, SYM, ARXML.
+"""Frames of other protocols, described by DBC files and other formats of cantools (KCD, SYM, ARXML).
 
 Rule of this file: a frame of another protocol is not damage; what cannot be decoded stays as it is.
 """
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
 
 DIGITS = 9
-"""Decimal places of a value: further ones come from its scale, 127 steps of 0.1 being 12.700000000000001."""
+"""Decimal places of a value, to hide rounding errors (127 steps of 0.1 are 12.700000000000001)."""
 
 
 NOBODY = "Vector__XXX"
-"""What a DBC names in place of a node that it does not know."""
+"""Placeholder for an unknown node in a DBC file."""
 
 
 class ForeignMessage(NamedTuple):
-    """A message of a DBC: its `name`, the nodes that send it, its signals with their units, and what data says."""
+    """A message of a DBC file: its `name`, its senders, the units of its signals, and their decoder."""
 
     name: str
     nodes: tuple[str, ...]
@@ -36,25 +36,25 @@ class ForeignMessage(NamedTuple):
     fields: Callable[[bytes], Fields]
 
     def text(self, data: bytes) -> str:
-        """Write the fields for a person; the bytes if there are none."""
+        """Format the signals of a frame; the bytes without any."""
         return self.words(self.fields(data)) or data.hex(" ")
 
     def words(self, fields: Fields) -> str:
-        """Write fields for a person."""
+        """Format signals with their units."""
         return ", ".join(f"{name}={value} {self.units.get(name, '')}".rstrip() for name, value in fields.items())
 
 
 FramesOfDevice: TypeAlias = "Callable[[Dictionary], Mapping[int, ForeignMessage]]"
-"""Returns what a device sends outside CANopen, by COB-ID."""
+"""Returns the messages that a device sends outside CANopen, by COB-ID."""
 
 
 def only_canopen(_: Dictionary) -> Mapping[int, ForeignMessage]:
-    """Return that a device sends nothing outside CANopen."""
+    """Return no messages, for devices that send only CANopen."""
     return {}
 
 
 def read_dbc(files: Iterable[str]) -> dict[int, ForeignMessage]:
-    """Return the messages of files by COB-ID, the first one of each; raises LocalError without cantools, FileError."""
+    """Return the messages of files by COB-ID, the first of each; raises LocalError without cantools, FileError."""
     found: dict[int, ForeignMessage] = {}
     for file in files:
         for message in _messages(file):
@@ -69,11 +69,11 @@ def _messages(file: str) -> list[Message]:
     with extras.needed("dbc"):
         from cantools.database import load_file
     try:
-        # With `strict` it refuses a file for signals that overlap, of which there are many.
+        # `strict` would refuse overlapping signals, which are common.
         return list(getattr(load_file(file, strict=False), "messages", ()))
     except OSError:
         raise
-    except Exception as error:  # what cantools raises for a damaged file is not documented: of five kinds at least
+    except Exception as error:  # cantools does not document what it raises for a damaged file
         words = " ".join(str(error).split())
         raise FileError(file, f"cantools cannot read it: {words}") from None
 
@@ -87,4 +87,6 @@ def _fields(message: Message, data: bytes) -> Fields:
 
 
 def _plain(value: Any) -> Any:
-    return round(value, DIGITS) if isinstance(value, float) else value if isinstance(value, int) else str(value)
+    if isinstance(value, float):
+        return round(value, DIGITS)
+    return value if isinstance(value, int) else str(value)

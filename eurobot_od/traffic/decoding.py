@@ -1,8 +1,8 @@
-"""Turns logs into lines of output, batch by batch, whatever the format of the log and of the output.
+"""Turns logs of any format into lines of any output format, batch by batch.
 
 A frame has the meaning that the decoder keeps, and what only the frames before it tell: which transfer an SDO frame
 belongs to, that an answer to a guarding master is not a heartbeat, and how the devices on its channel are set by then.
-There is one `Following` for each log or bus.
+There is one `TrackingDecoder` for each log or bus.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from eurobot_od.traffic.meaning import (
     Defect,
     Meaning,
     SdoTransfer,
-    texts_writer,
+    compile_text_writer,
     with_defects,
     words_of,
     wrong,
@@ -51,43 +51,43 @@ from eurobot_od.traffic.services import FOLLOWED, GUARDING, LSS, NMT, SDO, WRITE
 from eurobot_od.traffic.transfers import ONE_WAY, LssConfiguration, Said, Transfers
 
 NAME_WIDTH = 29
-"""Width of the column with the messages' names; a longer name pushes its fields to the right."""
+"""Width of the column of names; longer names push their fields to the right."""
 
 WIDTH = 13
-"""Width of the column with the times."""
+"""Width of the column of times."""
 
 Clock: TypeAlias = Callable[[float], "float | None"]
-"""From an entry's time to the time shown, in s, None for one not wanted."""
+"""Maps the time of an entry to the displayed time, in s; None drops the entry."""
 
 Rows: TypeAlias = Callable[[Sequence[bytes]], Sequence[Any]]
-"""Makes the rows of frames of one message from their data; None for one that has to be decoded by itself."""
+"""Returns the rows of frames of one message from their data; None for a frame to decode separately."""
 
 Write: TypeAlias = Callable[[Batch, Sequence[Any], Clock], str]
-"""Makes the lines of a batch from its rows, with their ends; an entry without a row has none."""
+"""Returns the lines of a batch, with line ends; an entry without a row has no line."""
 
 WriteLine: TypeAlias = Callable[[int, float, str, Any], str]
-"""Makes a line, with its end, from an entry's line number, its time in s, its channel, and the row of its frame."""
+"""Returns a line, with its end, for an entry's line number, time in s, channel, and row."""
 
 
 class Output:
-    """A form of output, with a `header` before the first line."""
+    """An output format, with a `header` before the first line."""
 
     header = ""
 
     def row(self, meaning: Meaning) -> Any:
-        """Write what depends on the frame alone; None for no line."""
+        """Return the part of a line that depends on the frame alone; None for no line."""
         raise NotImplementedError
 
     def rows_of(self, binding: Binding) -> Rows | None:
-        """Return what writes the rows of a message's frames; None if they are decoded one by one."""
+        """Return the function for the rows of a message's frames; None to decode them one by one."""
         return None
 
     def line_writer(self, log: str) -> WriteLine:
-        """Return the function that writes a line of a log with this name."""
+        """Return the function that formats a line of the log `log`."""
         raise NotImplementedError
 
     def writer(self, log: str) -> Write:
-        """Return the function that writes the lines of a log with this name."""
+        """Return the function that formats the lines of the log `log`."""
         line = self.line_writer(log)
 
         def write(batch: Batch, rows: Sequence[Any], clock: Clock) -> str:
@@ -98,10 +98,10 @@ class Output:
         return write
 
     def cut(self, transfer: SdoTransfer) -> None:
-        """Take in an SDO transfer that the end of a log cuts off."""
+        """Process an SDO transfer that is cut off by the end of a log."""
 
     def footer(self) -> str:
-        """Return what comes after the lines of a log."""
+        """Return the text after the lines of a log."""
         return ""
 
 
@@ -115,13 +115,16 @@ class TextOutput(Output):
         self._several = several
 
     def row(self, meaning: Meaning) -> str:
-        name, text = meaning.name or ("?" if meaning.defects else ""), with_defects(meaning)
+        name = meaning.name or ("?" if meaning.defects else "")
+        text = with_defects(meaning)
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def rows_of(self, binding: Binding) -> Rows:
-        head, length = f"{binding.name.ljust(NAME_WIDTH)} ", binding.layout.length
-        writer = cache(partial(texts_writer, binding))  # compiled for the first of them: a device may be mapped anew
-        alone, head = [one_line(binding.name)], one_line(head)
+        head = f"{binding.name.ljust(NAME_WIDTH)} "
+        length = binding.layout.length
+        writer = cache(partial(compile_text_writer, binding))  # compiled on first use, as a device may be remapped
+        alone = [one_line(binding.name)]
+        head = one_line(head)
 
         def rows(data: Sequence[bytes]) -> Sequence[str | None]:
             if set(map(len, data)) != {length}:
@@ -129,43 +132,48 @@ class TextOutput(Output):
             if not binding.limits:
                 return alone * len(data)
             written = writer()(head, words_of(binding, data))
-            return [None if OUTSIDE in each else each for each in written] if OUTSIDE in "".join(written) else written
+            if OUTSIDE not in "".join(written):
+                return written
+            return [None if OUTSIDE in each else each for each in written]
 
         return rows
 
     def line_writer(self, log: str) -> WriteLine:
-        start, shown = one_line(f"{log}:") if self._several else "", lru_cache(one_line)
+        start = one_line(f"{log}:") if self._several else ""
+        shown = lru_cache(one_line)
         return lambda _, time, channel, row: f"{start}{time:{WIDTH}.6f}  {shown(channel)}  {row}\n"
 
     def writer(self, log: str) -> Write:
-        write, start = super().writer(log), one_line(f"{log}:") if self._several else ""
+        write = super().writer(log)
+        start = one_line(f"{log}:") if self._several else ""
 
-        def at_once(batch: Batch, rows: Sequence[str | None], clock: Clock) -> str:
+        def per_batch(batch: Batch, rows: Sequence[str | None], clock: Clock) -> str:
             if clock is not float or batch.stamps is None or not batch.is_of_one_channel or None in rows:
                 return write(batch, rows, clock)
             gap = f"  {one_line(batch.channels[0])}  "
-            (width, *others), head = set(map(len, batch.stamps)), start
+            (width, *others) = set(map(len, batch.stamps))
+            head = start
             stamps = [f"{stamp:>{WIDTH}}" for stamp in batch.stamps] if others else batch.stamps
             head += " " * (0 if others else WIDTH - width)
             return "".join([f"{head}{stamp}{gap}{row}\n" for stamp, row in zip(stamps, rows)])
 
-        return at_once
+        return per_batch
 
 
-# Data: a field is a number, nothing (unknown), or the words that a person writes
+# Data: a field is a number, None (unknown), or text
 
 DIGITS = {"index": 4, "code": 4, "register": 2, "abort": 8}
-"""Fields of services that people write as hexadecimal numbers, and how many digits they have."""
+"""Hexadecimal fields of services, and their numbers of digits."""
 
 SERVICE_FIELDS = (
     *("node", "direction", "index", "subindex", "value", "content", "size", "how", "seconds", "abort", "abort_name"),
     *("code", "register", "words", "info", "state", "command"),
 )
-"""The fields of all services."""
+"""Fields of all services."""
 
 
 def _fields(meaning: Meaning) -> dict[str, Any]:
-    """Return the fields of a frame, numbers and the texts that a person writes."""
+    """Return the fields of a frame as numbers and texts."""
     if meaning.message is not None:
         return plain(meaning.message)
     if meaning.group != CANOPEN:
@@ -174,7 +182,7 @@ def _fields(meaning: Meaning) -> dict[str, Any]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Return a field of a service as a number or as the text that a person writes."""
+    """Return a field of a service as a number or text."""
     if name in DIGITS:
         return f"0x{value:0{DIGITS[name]}X}"
     if isinstance(value, bytes):
@@ -185,7 +193,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def _units(meaning: Meaning) -> dict[str, str]:
-    """Return the units of a frame's fields, of those that have one."""
+    """Return the units of a frame's fields that have one."""
     if meaning.message is not None:
         return dict(units(type(meaning.message)))
     if isinstance(meaning.service, ForeignMessage):
@@ -194,7 +202,7 @@ def _units(meaning: Meaning) -> dict[str, str]:
 
 
 class JsonOutput(Output):
-    """One JSON object a line; fields as numbers, null (unknown), or the words that a person writes, and their units."""
+    """One JSON object per line, with fields as numbers, null (unknown) or text, and their units."""
 
     def row(self, meaning: Meaning) -> str:
         data: dict[str, Any] = _identification(meaning)
@@ -211,18 +219,19 @@ class JsonOutput(Output):
         return _json(data)[1:]  # the writer opens the object with the place and the time
 
     def line_writer(self, log: str) -> WriteLine:
-        start, quoted = f'{{"log": {_json(log)}, "line":', lru_cache(_json)
+        start = f'{{"log": {_json(log)}, "line":'
+        quoted = lru_cache(_json)
         return lambda number, time, channel, row: (
             f'{start} {number}, "time": {time:.6f}, {_dated(time)}"channel": {quoted(channel)}, {row}\n'
         )
 
 
 OF_DATES = 1e8
-"""Times from here on, in s, count from 1970: no log lasts three years."""
+"""Times from here on, in s, count from 1970, as no log lasts three years."""
 
 
 def _date(time: float) -> str:
-    """Return the date of a time in ISO 8601; empty for a log that has none."""
+    """Return the date of a time in ISO 8601, empty for a log without dates."""
     return datetime.fromtimestamp(time, UTC).isoformat(timespec="microseconds") if time >= OF_DATES else ""
 
 
@@ -231,10 +240,11 @@ def _dated(time: float) -> str:
 
 
 def _identification(meaning: Meaning) -> dict[str, Any]:
-    """Return identifier, data, message or service, group and nodes, as far as they are known."""
+    """Return the known ones of identifier, data, name, group and nodes."""
     raw = meaning.raw
     cob_id, data = (raw.frame or (None, b"")) if isinstance(raw, Foreign) else raw
-    is_remote, is_fd = isinstance(raw, RemoteFrame), isinstance(raw, Foreign) and cob_id is not None
+    is_remote = isinstance(raw, RemoteFrame)
+    is_fd = isinstance(raw, Foreign) and cob_id is not None
     known = {
         "id": None if cob_id is None else f"0x{identifier_text(cob_id)}",
         "data": None if cob_id is None or is_remote else data.hex().upper(),
@@ -249,20 +259,20 @@ def _identification(meaning: Meaning) -> dict[str, Any]:
 
 
 def _json(data: Any) -> str:
-    """Write data as it is for people to read, unless it has characters that a terminal might act on."""
+    """Write data as JSON, with escapes only if it has characters that a terminal might act on."""
     text = json.dumps(data, ensure_ascii=False)
     return text if text.isprintable() else json.dumps(data)
 
 
 UNITS = "units"
-"""The last column of CSV."""
+"""Last column of CSV."""
 
 FRAME = ("id", "data", "fd", "brs", "message", "protocol")
-"""What of a frame is in a column of CSV; of a remote frame the text says that it is one."""
+"""Columns of CSV that describe the frame; a remote frame is named in the text."""
 
 
 class CsvOutput(Output):
-    """Comma-separated values, a column for each of the `fields` that any message or service has; unknown is empty.
+    """Comma-separated values with a column for each field of any message or service; unknown is empty.
 
     The column `units` has those of a message's fields: `x=mm angle=deg`.
     """
@@ -280,7 +290,8 @@ class CsvOutput(Output):
         return _joined([*head, meaning.text, wrong(meaning), *said, " ".join(f"{k}={v}" for k, v in own.items())])
 
     def line_writer(self, log: str) -> WriteLine:
-        start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))
+        start = _joined([log])
+        quoted = lru_cache(lambda channel: _joined([channel]))
         return lambda number, time, channel, row: f"{start},{number},{time:.6f},{_date(time)},{quoted(channel)},{row}\n"
 
 
@@ -294,23 +305,23 @@ HEARTBEATS = range(ERROR_CONTROL_BASE + NODE_IDS[0], ERROR_CONTROL_BASE + NODE_I
 """COB-IDs of heartbeats (CiA 301, 7.3.3)."""
 
 RUNNING = frozenset(bytes([state]) for state in NmtState if state is not NmtState.INITIALISING)
-"""Data of heartbeats that change nothing."""
+"""Data of heartbeats other than boot-ups."""
 
 SHOWN = range(FIRST, MANUFACTURER[0])
-"""The objects of which some say what other frames mean."""
+"""Indices whose objects can change how later frames decode."""
 
 SHOWING = frozenset((*SHOWN, *AREA))
-"""These, and the objects by which a device without a file shows its profile."""
+"""`SHOWN`, and the objects that reveal the profile of a device without a file."""
 
 
 def is_followed(meaning: Meaning) -> bool:
-    """Return whether the frames before may change what a frame means."""
+    """Return whether the meaning of a frame depends on earlier frames."""
     return meaning.group == CANOPEN and meaning.name in FOLLOWED and not meaning.defects
 
 
 def _writes_setting(end: SdoEnd, data: bytes) -> bool:
-    """Return whether a frame asks for, or confirms, the write of an object that says what other frames mean."""
-    if data[2] >> 4 != SHOWN.start >> 12:  # nearly all others, known by one byte
+    """Return whether a frame writes, or confirms the write of, an object that changes decoding."""
+    if data[2] >> 4 != SHOWN.start >> 12:  # rejects nearly all others by one byte
         return False
     command = end.command(data)
     is_write = command is not None and command.names_object and command.direction == WRITE
@@ -318,11 +329,11 @@ def _writes_setting(end: SdoEnd, data: bytes) -> bool:
 
 
 Candidates: TypeAlias = Callable[[Decoder, int], Iterable["tuple[int, float, int, Raw]"]]
-"""Yields place, time in s, line and frame of what a decoder follows, of all entries of a channel behind a place."""
+"""Yields place, time in s, line and frame of the entries after a place that need earlier frames."""
 
 
 class DecoderSpan(NamedTuple):
-    """Consecutive entries of a channel with one `decoder`: those behind place `after` up to `last`; None for the rest.
+    """Consecutive entries of a channel with one `decoder`, after place `after` up to `last` (None: the end).
 
     `followed` has time and meaning of those that are understood by the ones before them, by their places.
     """
@@ -333,15 +344,16 @@ class DecoderSpan(NamedTuple):
     followed: Mapping[int, tuple[float, Meaning]]
 
 
-class Following:
-    """Decodes the entries of a log or of a bus in their order.
+class TrackingDecoder:
+    """Decodes the entries of a log or bus in order, following configuration changes.
 
-    A frame may show that its sender is set otherwise than before: the `decoder` of its channel is another one then.
-    `is_guarded` says whether a master has asked for a node's state.
+    A frame may show a new setting of its sender; its channel then gets another `decoder`. `is_guarded` is whether a
+    master has requested a node's state.
     """
 
     def __init__(self, decoder: Decoder) -> None:
-        self._first, self._decoders = decoder, dict[str, Decoder]()
+        self._first = decoder
+        self._decoders = dict[str, Decoder]()
         self._shown: dict[str, InForce] = {}
         self._transfers = Transfers()
         self._asked: set[tuple[str, int]] = set()
@@ -354,26 +366,28 @@ class Following:
         self._lss = defaultdict[str, LssConfiguration](LssConfiguration)
 
     def decoder(self, channel: str) -> Decoder:
-        """Return the decoder for what the devices on a channel have in force now."""
+        """Return the present decoder of a channel."""
         return self._decoders.get(channel, self._first)
 
     def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
-        """Take in an entry, and return what decodes it: for one that may never be decoded."""
+        """Process an entry, and return its decoder, for an entry that may never be decoded."""
         decoder = self.decoder(channel)
         if raw[0] in decoder.followed:
             self(time, channel, raw)
         return decoder.remembered
 
     def __call__(self, time: float, channel: str, raw: Raw, line: int = 0) -> Meaning:
-        """Return what an entry means; the time is in s, channel and line are those of a log."""
+        """Return the meaning of an entry; time is in s, channel and line are those of the log."""
         meaning = self._decoders.get(channel, self._first).remembered(raw)
         return self._follow(time, channel, meaning, line) if is_followed(meaning) else meaning
 
     def spans(self, channel: str, candidates: Candidates) -> Iterator[DecoderSpan]:
-        """Yield the spans of a channel's entries between which something else comes into force."""
+        """Yield the spans of a channel's entries between changes of the decoder."""
         after = -1
         while True:
-            decoder, followed, last = self.decoder(channel), dict[int, tuple[float, Meaning]](), None
+            decoder = self.decoder(channel)
+            followed = dict[int, tuple[float, Meaning]]()
+            last = None
             for place, time, line, raw in candidates(decoder, after):
                 followed[place] = time, self(time, channel, raw, line)
                 if self.decoder(channel) is not decoder:
@@ -385,7 +399,7 @@ class Following:
             after = last
 
     def shown(self, channel: str, node_id: int) -> Mapping[Address, int]:
-        """Return what a device has shown that it has by now."""
+        """Return the values that a device is known to have now."""
         return self._shown[channel].shown(node_id) if channel in self._shown else {}
 
     def _in_force(self, channel: str) -> InForce:
@@ -394,7 +408,7 @@ class Following:
         return self._shown[channel]
 
     def _follow(self, time: float, channel: str, meaning: Meaning, line: int) -> Meaning:
-        """Return what a frame of a log's channel means after those before it; the time is in s."""
+        """Return the meaning of a frame after earlier ones; the time is in s."""
         frame = meaning.raw
         assert isinstance(frame, Frame)
         if meaning.name == NMT:
@@ -413,7 +427,7 @@ class Following:
         return self._of_sdo(time, channel, meaning, end, line)
 
     def _of_sdo(self, time: float, channel: str, meaning: Meaning, end: SdoEnd, line: int) -> Meaning:
-        """Return what a frame means in its SDO transfer, and take in what that shows."""
+        """Return the meaning of a frame in its SDO transfer, and process what it shows."""
         assert isinstance(meaning.raw, Frame)
         key = channel, end.channel
         self._last[key] = meaning
@@ -434,19 +448,20 @@ class Following:
             return meaning
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
-        # The segments of a block look like any other command.
+        # The bytes of a block segment are no command.
         if said.text and not said.ended:
             meaning = meaning._replace(service=None)
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
     def _leave(self, channel: str, ended: SdoTransfer | None) -> None:
-        """Take in that a client has given up a transfer: the device may have taken what was written, or not."""
+        """Process an abandoned write: whether the device accepted it is unknown."""
         if ended and ended.end and ended.address and not ended.is_upload and ended.address[0] in SHOWN:
             self._news(channel, self._in_force(channel).forget(ended.end.server, ended.address))
 
     def _confirm(self, channel: str, server: int, said: Said, place: int | float) -> None:
-        """Take in what an answer shows: of a write, asked for at a line or a time in s, only what is confirmed."""
-        unseen, ended = set[Address](), said.ended
+        """Process what an answer shows; a write (at a line or a time in s) counts once it is confirmed."""
+        unseen = set[Address]()
+        ended = said.ended
         if ended and ended.address and ended.aborted is not None:
             self._news(channel, self._in_force(channel).refuse(server, ended.address))
         is_confirmed = ended and ended.is_whole and ended.aborted is None and ended.end and ended.address
@@ -462,12 +477,12 @@ class Following:
             self._news(channel, self._in_force(channel).show(server, ended.address, ended.content, written))
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
-        """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""
+        """Yield the transfers cut off by the end of the log, with channel and the last frame's meaning."""
         for key, transfer in self._transfers.unfinished():
             yield key[0], self._last[key], transfer
 
     def notes(self) -> Iterator[str]:
-        """Yield what a log cannot tell, as it has settings of devices and only one direction of SDO."""
+        """Yield notes on what cannot be known, as the log has only one direction of SDO."""
         ways = (self._ways[each] for each in self._settings)
         yield from dict.fromkeys(ONE_WAY[way] for each in ways if len(each) == 1 for way in each)
 
@@ -476,7 +491,7 @@ class Following:
             self._decoders[channel] = self.decoder(channel).as_shown(self._shown[channel])
 
     def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
-        """Say what transfers a boot-up cuts off."""
+        """Add the transfers that a boot-up cuts off to its meaning."""
         if frame.is_remote or frame.data[0] != NmtState.INITIALISING:
             return meaning
         node_id = frame.cob_id - ERROR_CONTROL_BASE
@@ -490,8 +505,9 @@ class Following:
         return meaning
 
     def _renumbered(self, channel: str, node_id: int) -> Dictionary | None:
-        """Return the description of a device that starts with a node-ID by LSS; None for any other."""
-        taken, heard = self._lss[channel].taken, self._heard[channel] - {node_id}
+        """Return the description of a device that boots with a node-ID set by LSS, else None."""
+        taken = self._lss[channel].taken
+        heard = self._heard[channel] - {node_id}
         self._heard[channel].add(node_id)
         if node_id not in taken:
             return None
@@ -499,7 +515,7 @@ class Following:
         return shown.renumber_only(heard, node_id) if identity is None else shown.renumber(identity, node_id)
 
     def _guarded(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
-        """Name what a node answers to a remote frame: only by its toggle bit would it be told from a heartbeat."""
+        """Recognise answers to node guarding, which only the toggle bit tells from heartbeats."""
         key = channel, frame.cob_id
         if frame.is_remote:
             self._asked.add(key)
@@ -514,29 +530,32 @@ class Following:
 EVERYTHING = Window()
 
 Known: TypeAlias = tuple[Any, tuple[Defect, ...]]
-"""What is known of a frame: its row and its defects."""
+"""Row and defects of a frame."""
 
 
-class InUse:
-    """How the frames of a channel are decoded now: `known` one by one, `at_once` those of one identifier together."""
+class ChannelDecoding:
+    """Current decoders of a channel: `per_frame`, and `per_batch` for frames of one identifier."""
 
     def __init__(self, decoder: Decoder, output: Output, wanted: Wanted | None) -> None:
-        # Most frames on a bus are requests and confirms without data: what is made from them is kept.
+        # Cached, as most frames on a bus are repeated requests and confirmations.
         @lru_cache(REMEMBERED)
         def known(raw: Raw) -> Known:
             meaning = decoder.remembered(raw)
             row = output.row(meaning) if wanted is None or wanted(meaning) else None
             return row, meaning.defects
 
-        self.known, self.decoder, self._wanted = known, decoder, wanted
+        self.per_frame = known
+        self.decoder = decoder
+        self._wanted = wanted
         bindings = decoder.protocol.bindings if wanted is None else ()
         self._bindings = {each.cob_id: each for each in bindings if each.is_whole}
-        self._rows_of, self._made = output.rows_of, dict[int, Rows | None]()
-        # Heartbeats are nearly all alike: those that are followed are decoded once more.
+        self._rows_of = output.rows_of
+        self._made = dict[int, Rows | None]()
+        # Heartbeats are nearly all alike; those that depend on earlier frames are decoded again.
         self._alone = decoder.followed.difference(HEARTBEATS)
 
-    def at_once(self, head: int | Raw) -> Rows | None:
-        """Return what writes the frames of an identifier; None if they are decoded one by one."""
+    def per_batch(self, head: int | Raw) -> Rows | None:
+        """Return the function for the rows of an identifier; None to decode its frames one by one."""
         if not isinstance(head, int):
             return None
         if head not in self._made:
@@ -545,34 +564,36 @@ class InUse:
         return self._made[head]
 
     def _by_data(self, cob_id: int) -> Rows | None:
-        """Return what writes the frames of an identifier that is no message's, of which many have the same data."""
+        """Return the function for the rows of an identifier without a message, cached by data."""
         if self._wanted is not None or cob_id in self._alone:
             return None
 
         @lru_cache(REMEMBERED)
         def row(data: bytes) -> Any:
-            row, defects = self.known(Frame(cob_id, data))
+            row, defects = self.per_frame(Frame(cob_id, data))
             return None if defects else row
 
         return lambda data: [*map(row, data)]
 
 
 class Decoding:
-    """What is asked for: the `output`, the entries `wanted` (None: all), their times; `damage` counts what is wrong."""
+    """A request for output: the format, the entries `wanted` (None: all), their times; `damage` counts defects."""
 
     def __init__(
         self, decoder: Decoder, output: Output, wanted: Wanted | None = None, window: Window = EVERYTHING
     ) -> None:
         self.damage = DamageCounts()
         self.output, self.wanted, self._window = output, wanted, window
-        self._decoder, self._first = decoder, InUse(decoder, output, wanted)
+        self._decoder = decoder
+        self._first = ChannelDecoding(decoder, output, wanted)
 
     def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
-        """Yield the output for an open log named `log`, line by line or many at once; errors as `formats.batches`.
+        """Yield the output of the open log `log`, in one or more lines at once; errors as `formats.batches`.
 
         What is wrong in the log is counted, whether it is wanted or not.
         """
-        write, clock = self.output.writer(log), self._window.clock()
+        write = self.output.writer(log)
+        clock = self._window.clock()
         decoded = DecodedLog(self, self._decoder, self._first)
         for batch in formats.batches(file, form, largest):
             rows = decoded.rows(batch)
@@ -588,7 +609,7 @@ class Decoding:
 
 
 Groups: TypeAlias = Mapping["int | Raw", Sequence[int]]
-"""The places of some entries by their heads."""
+"""Places of entries by their heads."""
 
 
 class DecodedLog:
@@ -597,21 +618,21 @@ class DecodedLog:
     The frames of a message are decoded together; services and oddities one by one, in their order.
     """
 
-    def __init__(self, asked: Decoding, decoder: Decoder, first: InUse) -> None:
+    def __init__(self, asked: Decoding, decoder: Decoder, first: ChannelDecoding) -> None:
         self._asked, self._first = asked, first
-        self._now: dict[str, InUse] = {}
-        self._following = Following(decoder)
+        self._now: dict[str, ChannelDecoding] = {}
+        self._following = TrackingDecoder(decoder)
         self.unfinished, self.notes = self._following.unfinished, self._following.notes
         self._defects: dict[int, tuple[Defect, ...]] = {}
 
-    def _in_use(self, channel: str, decoder: Decoder) -> InUse:
+    def _in_use(self, channel: str, decoder: Decoder) -> ChannelDecoding:
         in_use = self._now.get(channel, self._first)
         if in_use.decoder is not decoder:
-            in_use = self._now[channel] = InUse(decoder, self._asked.output, self._asked.wanted)
+            in_use = self._now[channel] = ChannelDecoding(decoder, self._asked.output, self._asked.wanted)
         return in_use
 
     def defects(self) -> list[tuple[int, tuple[Defect, ...]]]:
-        """Return what was wrong in the last batch, by the places in it."""
+        """Return the defects in the last batch by place, and forget them."""
         found = sorted(self._defects.items()) if self._defects else []
         self._defects.clear()
         return found
@@ -619,7 +640,8 @@ class DecodedLog:
     def rows(self, batch: Batch) -> list[Any]:
         """Return the row of each entry, None for one without a line."""
         rows: list[Any] = [None] * len(batch.heads)
-        for channel in batch.channels[:1] if batch.is_of_one_channel else dict.fromkeys(batch.channels):
+        channels = batch.channels[:1] if batch.is_of_one_channel else list(dict.fromkeys(batch.channels))
+        for channel in channels:
             places: Sequence[int] = range(len(batch.heads))
             if not batch.is_of_one_channel:
                 places = [place for place, each in enumerate(batch.channels) if each == channel]
@@ -631,9 +653,10 @@ class DecodedLog:
     def _followed(
         self, batch: Batch, groups: Groups, decoder: Decoder, after: int
     ) -> Iterator[tuple[int, float, int, Raw]]:
-        """Yield what a decoder follows; of heartbeats without a guarding master only what may change something."""
+        """Yield entries that depend on earlier ones; without a guarding master, few heartbeats do."""
         is_guarded = self._following.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
-        found, data = list[int](), batch.data
+        found = list[int]()
+        data = batch.data
         for head, places in groups.items():
             if (head if isinstance(head, int) else head[0]) not in decoder.followed:
                 continue
@@ -644,33 +667,33 @@ class DecodedLog:
         for place in sorted(found):
             yield place, batch.times[place], batch.lines[place], batch.raw(place)
 
-    def _fill(self, batch: Batch, groups: Groups, span: DecoderSpan, in_use: InUse, rows: list[Any]) -> None:
+    def _fill(self, batch: Batch, groups: Groups, span: DecoderSpan, in_use: ChannelDecoding, rows: list[Any]) -> None:
         """Fill in the rows of a span."""
         data = batch.data
         for head, places in groups.items():
             end = len(places) if span.last is None else bisect_right(places, span.last)
             some = places[bisect_right(places, span.after) : end]
-            if rows_of := in_use.at_once(head):
+            if rows_of := in_use.per_batch(head):
                 made = rows_of([data[place] for place in some])
                 for place, row in zip(some, made):
                     rows[place] = row
                 some = [place for place, row in zip(some, made) if row is None] if None in made else ()
             for place in some:
                 if place not in span.followed:
-                    rows[place] = self._row(place, in_use.known(batch.raw(place)))
+                    rows[place] = self._row(place, in_use.per_frame(batch.raw(place)))
         for place, (_, said) in span.followed.items():
             rows[place] = self._row(place, self._said(said, in_use))
 
     def _row(self, place: int, known: Known) -> Any:
-        """Return the row of an entry that is decoded by itself, and note what is wrong with it."""
+        """Return the row of an entry decoded separately, and note its defects."""
         row, defects = known
         if defects:
             self._defects[place] = defects
         return row
 
-    def _said(self, said: Meaning, in_use: InUse) -> Known:
-        """Return the row and the defects of a followed frame: most say by themselves what they mean."""
+    def _said(self, said: Meaning, in_use: ChannelDecoding) -> Known:
+        """Return the row and defects of a frame that depends on earlier ones."""
         if said is in_use.decoder.remembered(said.raw):
-            return in_use.known(said.raw)
+            return in_use.per_frame(said.raw)
         wanted = self._asked.wanted
         return self._asked.output.row(said) if wanted is None or wanted(said) else None, said.defects

@@ -1,4 +1,4 @@
-"""What a log holds: entries with a classic frame, or with something else; and many of them at once, by columns.
+"""Entries of a log, with a classic frame or something else; and batches of them by columns.
 
 Nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage. A frame with a 29-bit identifier
 has EXTENDED in its COB-ID.
@@ -18,17 +18,17 @@ from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOS
 from eurobot_od.support.files import UNREADABLE, why_unreadable
 
 MASTER = "master"
-"""What the master of a network is called if it is not one of its devices and has no other name."""
+"""Default name of a master that is not one of the devices."""
 
 REMEMBERED = 256
-"""Distinct frames, or values of a field, whose meaning is cached."""
+"""Number of distinct frames, or values of a field, whose meaning is cached."""
 
 
 LARGEST = 1 << 20
-"""Most bytes of a line, or of a record, that a log may have by default; 20 times the usual."""
+"""Default maximum size of a line or record, in bytes; 20 times the usual."""
 
 LATEST = 1e11
-"""A time in s that no log has; it also sorts out `nan` and `inf`."""
+"""Upper limit of times, in s; it also rejects `nan` and `inf`."""
 
 
 class Damage(Enum):
@@ -45,18 +45,18 @@ class Damage(Enum):
     WRONG_LENGTH = "wrong length"
     OUT_OF_RANGE = "out of range"
     OTHERS = "other identifiers"
-    """No defect: a frame of an identifier beyond those that are told apart."""
+    """No defect: a frame whose identifier is beyond the maximum number of distinct ones."""
 
 
 class Foreign(NamedTuple):
-    """An entry that is not a classic frame: the reason, and its text, shortened."""
+    """An entry that is not a classic frame: its damage, and its text, shortened."""
 
     damage: Damage
     text: str
 
     @property
     def frame(self) -> tuple[int, bytes] | None:
-        """COB-ID and data of a frame of CAN FD, None for anything else."""
+        """COB-ID and data of a CAN FD frame, None for other entries."""
         found = FOREIGN_FRAME.fullmatch(self.text) if self.damage is Damage.FD else None
         if found is None:
             return None
@@ -65,43 +65,43 @@ class Foreign(NamedTuple):
 
     @property
     def has_bit_rate_switch(self) -> bool | None:
-        """Whether the data of a frame of CAN FD came at a higher bit rate; None if the log does not say it."""
+        """Whether a CAN FD frame's data had a higher bit rate; None if the log does not record it."""
         found = FOREIGN_FRAME.fullmatch(self.text) if self.damage is Damage.FD else None
         return bool(int(found["flags"], 16) & BIT_RATE_SWITCH) if found and found["flags"] else None
 
     @property
     def is_read(self) -> bool:
-        """Whether it is something that a bus can carry, and not text that nobody understands."""
+        """Whether a bus can carry it, so that it is not unreadable text."""
         return self.damage not in (Damage.UNREADABLE, Damage.CUT_OFF)
 
 
 LONGEST_FOREIGN = 140
-"""Characters of a frame of CAN FD, with its 64 bytes."""
+"""Maximum number of characters of a CAN FD frame with 64 bytes."""
 
 BIT_RATE_SWITCH = 1
 """Bit of the flags of a frame of CAN FD (CANFD_BRS, linux/can.h)."""
 
 EXTENDED_DIGITS = 8
-"""Digits of a 29-bit identifier, as candump writes it; an 11-bit one has three."""
+"""Digits of a 29-bit identifier in candump; an 11-bit one has three."""
 
 FOREIGN_FRAME = re.compile(
     r"(?P<identifier>[0-9A-F]{3}|[0-9A-F]{8})#(?:#(?P<flags>[0-9A-F]))?(?P<data>(?:[0-9A-F]{2})*)", re.I
 )
-"""How the text of a frame of CAN FD is written; candump has its flags after a second mark."""
+"""Text of a CAN FD frame; candump writes the flags after a second `#`."""
 
 Raw: TypeAlias = Frame | Foreign
 
 Timed: TypeAlias = tuple[float, Raw]
-"""A time in s, and what came then."""
+"""Time in s and entry."""
 
 LogEntry: TypeAlias = tuple[int, float, str, Raw]
-"""One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
+"""An entry of a log: its line (or number, if there are no lines), time in s, channel, and content."""
 
 Entries: TypeAlias = Iterator[LogEntry]
 
 
 class Stamps(Sequence[float]):
-    """Stamps in s as they are in a log, read only when they are asked for."""
+    """Time stamps in s as texts of a log, converted on access."""
 
     def __init__(self, stamps: Sequence[str]) -> None:
         self._stamps = stamps
@@ -118,7 +118,7 @@ class Stamps(Sequence[float]):
 
 
 class Batch(NamedTuple):
-    """Consecutive entries of a log by columns: lines, times in s, channels, and what stands there.
+    """Consecutive entries of a log by columns: lines, times in s, channels, and contents.
 
     A data frame has its COB-ID among the `heads`, and its `data`; for anything else the Raw itself is the head.
     `stamps` are the times as text with six decimals, None where the log does not have them so.
@@ -133,14 +133,14 @@ class Batch(NamedTuple):
 
     @classmethod
     def of(cls, entries: Iterable[LogEntry]) -> Batch:
-        """Return some entries as a batch."""
+        """Return entries as a batch."""
         lines, times, channels, raws = tuple(zip(*entries)) or ((), (), (), ())
         heads = [raw[0] if raw.__class__ is Frame else raw for raw in raws]
         return cls(lines, times, channels, heads, [raw[1] if raw.__class__ is Frame else b"" for raw in raws])
 
     @classmethod
     def joined(cls, parts: Sequence[Batch]) -> Batch:
-        """Return batches that follow each other as one."""
+        """Return consecutive batches as one."""
         if len(parts) == 1:
             return parts[0]
         return cls(*(list(chain.from_iterable(each)) for each in zip(*map(_stamped, parts))))
@@ -153,18 +153,19 @@ class Batch(NamedTuple):
         return Batch(lines, times, channels, self.heads[wanted], self.data[wanted], stamps)
 
     def raw(self, place: int) -> Raw:
-        """Return what stands at a place in the batch."""
+        """Return the entry at a place in the batch."""
         return _raw(self.heads[place], self.data[place])
 
     def grouped(self, places: Sequence[int]) -> dict[int | Raw, list[int]]:
-        """Return some places, in their order, by their heads."""
-        groups, heads = defaultdict[int | Raw, list[int]](list), self.heads
+        """Return places, in order, by their heads."""
+        groups = defaultdict[int | Raw, list[int]](list)
+        heads = self.heads
         for place in places:
             groups[heads[place]].append(place)
         return groups
 
     def entries(self) -> Entries:
-        """Give the entries one by one."""
+        """Return the entries one by one."""
         return zip(self.lines, self.times, self.channels, map(_raw, self.heads, self.data))
 
     @property
@@ -174,13 +175,13 @@ class Batch(NamedTuple):
 
     @property
     def is_read(self) -> bool:
-        """Whether some of it is what a bus can carry, and not text that nobody understands."""
+        """Whether any entry is not unreadable text."""
         return any(not isinstance(head, Foreign) or head.is_read for head in self.heads)
 
 
 def _raw(head: int | Raw, data: bytes) -> Raw:
-    """Return what a batch has as a head and data."""
-    # Without the named tuple's own constructor, which is Python code: a log may have millions of entries.
+    """Return an entry from its head and data."""
+    # `tuple.__new__` is faster than the constructor of the named tuple, and logs have millions of entries.
     return tuple.__new__(Frame, (head, data)) if isinstance(head, int) else head
 
 
@@ -189,7 +190,7 @@ def _stamped(batch: Batch) -> Batch:
 
 
 def gathered(entries: Entries, most: int) -> Iterator[Batch]:
-    """Yield entries in batches of at most so many, and those before an error before that is raised."""
+    """Yield entries in batches of at most `most`; entries before an error come before it is raised."""
     some: list[LogEntry] = []
     try:
         for entry in entries:
@@ -206,17 +207,17 @@ def gathered(entries: Entries, most: int) -> Iterator[Batch]:
 
 
 BAD = (ValueError, LookupError, TypeError, ArithmeticError, StructError)
-"""What a reader raises for an entry that it cannot read."""
+"""Exceptions of a reader for an entry that it cannot read."""
 
 Item = TypeVar("Item")
 
 
 Reason: TypeAlias = Callable[[Exception], Foreign | None]
-"""Says of an error why a log cannot be read any further; None for any other error."""
+"""Returns an entry for an error that ends the reading of a log; None for other errors."""
 
 
 def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, Raw]], reason: Reason) -> Entries:
-    """Read items of a log; `entry` gives time in s, channel and what stands there, or raises one of BAD.
+    """Read items of a log; `entry` returns time in s, channel and content, or raises one of BAD.
 
     A bad one is Foreign, with the time of the entry before, and costs no other. Where the items themselves end with an
     error that has a `reason`, the last entry is that.
@@ -232,7 +233,7 @@ def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, R
                 yield number, time, channel, raw
     except Exception as error:
         why = reason(error)
-        if why is None and isinstance(error, UNREADABLE):  # of a library, which does not say what it raises
+        if why is None and isinstance(error, UNREADABLE):  # of a library that does not document its errors
             why = Foreign(Damage.UNREADABLE, shortened(why_unreadable(error)))
         if why is None:
             raise
@@ -240,7 +241,7 @@ def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, R
 
 
 def ends_within(what: str, *more: type[Exception]) -> Reason:
-    """Return the reasons of a file of records: it ends within one, which `more` errors show, too, or is not one."""
+    """Return a `Reason` for files of records; `more` are further errors of a file that ends within one."""
 
     def reason(error: Exception) -> Foreign | None:
         if isinstance(error, (EOFError, StructError, *more)):
@@ -251,16 +252,16 @@ def ends_within(what: str, *more: type[Exception]) -> Reason:
 
 
 def seconds(text: bytes | float) -> float:
-    """Read a time in s; raises ValueError or TypeError."""
+    """Parse a time in s; raises ValueError or TypeError."""
     time = float(text)
-    # In this form, as every comparison with `nan` is false.
+    # Negated, as every comparison with `nan` is false.
     if not 0 <= time < LATEST:
         raise ValueError(text)
     return time
 
 
 def frame(identifier: int, data: bytes, extended: object = False, remote_length: int | None = None) -> Frame:
-    """Return a classic frame, a remote one of `remote_length`, if that is not None; both flags as a log has them.
+    """Return a classic frame, or a remote one if `remote_length` is not None.
 
     Raises ValueError for an identifier or length that it cannot have.
     """
@@ -281,10 +282,10 @@ def recorded(
     error: Any = False,
     is_fd: Any = False,
 ) -> Raw:
-    """Return what a program has recorded; raises ValueError for a length that its data does not have."""
+    """Return an entry from recorded values; raises ValueError for a length that does not match the data."""
     if error:
         return foreign(Damage.ERROR_FRAME, identifier, data, extended)
-    if is_fd or len(data) > MOST_BYTES:  # not every table says that a frame is one of CAN FD; its length does
+    if is_fd or len(data) > MOST_BYTES:  # not every table marks CAN FD frames, but their length does
         return foreign(Damage.FD, identifier, data, extended)
     if length != len(data) and not remote:
         raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
@@ -292,7 +293,7 @@ def recorded(
 
 
 def foreign(damage: Damage, identifier: int, data: bytes, extended: object = False) -> Foreign:
-    """Return what is not a classic frame, but has an identifier and data."""
+    """Return an entry that is no classic frame but has an identifier and data."""
     digits = EXTENDED_DIGITS if extended else 3
     return Foreign(damage, shortened(f"{identifier:0{digits}X}#{data.hex().upper()}", LONGEST_FOREIGN))
 

@@ -1,4 +1,4 @@
-"""Which entries of a log are wanted: by message, group, node, field value and time.
+"""Filters of log entries by message, group, node, field value and time.
 
 Rule of this file: names and values are checked when a filter is made; a filter itself never raises.
 """
@@ -22,7 +22,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.traffic.meaning import CANOPEN, DBC, Decoder, Meaning
 
 Wanted: TypeAlias = Callable[[Meaning], bool]
-"""Tells whether a frame with this meaning is wanted."""
+"""Returns whether a frame with this meaning is wanted."""
 
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     "=": operator.eq,
@@ -38,13 +38,14 @@ CONDITION = re.compile(
 
 
 def by_name(names: Iterable[str], decoder: Decoder) -> Wanted:
-    """Want messages and services of these names, and those of a group: of the catalogue, CANopen, or DBC.
+    """Return a filter for messages and services by name, or by group: of the catalogue, CANopen, or DBC.
 
     Raises UnknownName.
     """
     from eurobot_od.traffic import services  # here: few filters are by name
 
-    protocol, others = decoder.protocol, [each.name for each in decoder.others.values()]
+    protocol = decoder.protocol
+    others = [each.name for each in decoder.others.values()]
     named = *(others and [*others, DBC]), *services.NAMES, *protocol.names(), *protocol.catalogue.groups, CANOPEN
     known = {plain_name(name): name for name in named}
     wanted = {known_name(name, known, "message") for name in names}
@@ -52,14 +53,14 @@ def by_name(names: Iterable[str], decoder: Decoder) -> Wanted:
 
 
 def by_node(nodes: Iterable[str], known: Iterable[str]) -> Wanted:
-    """Want what these nodes send or receive; raises UnknownName."""
+    """Return a filter for the frames of nodes, sent or received; raises UnknownName."""
     names = {plain_name(name): name for name in known}
     wanted = {known_name(node, names, "node") for node in nodes}
     return lambda meaning: not wanted.isdisjoint(meaning.nodes)
 
 
 def known_name(name: str, known: Mapping[str, str], kind: str) -> str:
-    """Return which of the names `known`, by their plain forms, is meant by one; raises UnknownName."""
+    """Return the known name that equals `name` in its plain form; raises UnknownName."""
     try:
         return known[plain_name(name)]
     except KeyError:
@@ -67,23 +68,23 @@ def known_name(name: str, known: Mapping[str, str], kind: str) -> str:
 
 
 class Condition(NamedTuple):
-    """A comparison of one field of one message type with a value."""
+    """A comparison of a field of a message type with a value."""
 
     field: str
     compare: Callable[[Any, Any], bool]
     value: Any
 
     def holds(self, message: Message) -> bool:
-        """Return whether it holds; "unknown", or a code in place of a number, is neither less nor greater than it."""
+        """Return whether the condition holds; unknown values and codes are neither less nor greater."""
         found = getattr(message, self.field)
-        # None, for "unknown", would raise if it were compared by its order.
+        # An ordered comparison with None (unknown) would raise.
         is_ordered = self.compare not in (operator.eq, operator.ne)
         is_code = isinstance(found, IntEnum) is not isinstance(self.value, IntEnum)
         return not (is_ordered and (is_code or None in (found, self.value))) and self.compare(found, self.value)
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:
-    """Want messages with a field whose value satisfies `text`: `x>1000`, `Goto XY.speed<=20`, `source=internal`.
+    """Return a filter for messages with a field that satisfies `text`: `x>1000`, `Goto XY.speed<=20`.
 
     Raises LocalError for a text that is not a comparison, UnknownName for a message or field, FieldError for a value.
     """
@@ -105,13 +106,15 @@ def by_value(text: str, protocol: Protocol) -> Wanted:
 
 def _conditions(bindings: Iterable[Binding], match: re.Match[str]) -> Iterator[tuple[type[Message], Condition]]:
     """Yield the condition for each message whose field can have the value; raises FieldError if none can."""
-    field, refused, found = match["field"], None, False
+    field = match["field"]
+    refused = None
+    found = False
     for each in bindings:
         kind = each.kinds[field]
         try:
             value = kind.parse(match["value"])
         except (ValueError, LookupError, UnknownName):
-            # Only an error if no other message takes it: fields of one name may be of different kinds.
+            # An error only if no other message accepts it, as fields of one name may differ in kind.
             allowed = kind.allowed(each.limits[field]) if field in each.limits else "the field is not mapped"
             refused = FieldError(each.name, field, match["value"], allowed)
         else:
@@ -125,16 +128,16 @@ def _conditions(bindings: Iterable[Binding], match: re.Match[str]) -> Iterator[t
 
 
 class Window(NamedTuple):
-    """The time that is wanted, in s; `relative` counts from the first entry of the log."""
+    """A time window in s; `relative` counts from the first entry of the log."""
 
     since: float = 0.0
     until: float = float("inf")
     relative: bool = False
 
     def clock(self) -> Callable[[float], float | None]:
-        """Return the function from an entry's time to the time shown, None for one not wanted."""
+        """Return the function that maps an entry's time to the displayed time, None outside the window."""
         if self == Window():
-            return float  # a float is given back as it is, and without a call of Python code for each entry
+            return float  # returns the time unchanged, without a call of Python code
         start: list[float] = [] if self.relative else [0.0]
 
         def shown(time: float) -> float | None:
@@ -146,15 +149,15 @@ class Window(NamedTuple):
         return shown
 
 
-# Who sends what, as far as the files of the devices name it; NMT commands and SDO requests have no name here
+# Senders of identifiers, from the files of the devices; NMT commands and SDO requests have none
 
 
 OWN_SERVICES = ((EMCY, values.EMCY_BASE), (SDO_ANSWERS, values.SDO_RESPONSE_BASE), (None, values.ERROR_CONTROL_BASE))
-"""What a device sends besides messages: the object with its identifier, and the predefined identifier."""
+"""Services that a device sends: the object with their COB-ID, and the predefined base."""
 
 
 def senders(dictionaries: Iterable[Dictionary], protocol: Protocol) -> dict[int, frozenset[str]]:
-    """Return the names of the devices that send each identifier; an identifier without a known sender is left out."""
+    """Return the names of the devices that send each identifier, without unknown senders."""
     found: dict[int, set[str]] = {}
     for dictionary in dictionaries:
         for address, base in OWN_SERVICES:
@@ -167,13 +170,14 @@ def senders(dictionaries: Iterable[Dictionary], protocol: Protocol) -> dict[int,
 def by_sender(
     dictionaries: Collection[Dictionary], protocol: Protocol, only: Iterable[str], without: Iterable[str]
 ) -> Callable[[Frame], bool]:
-    """Want what devices send: `only` these, or everything but frames that come from those `without` alone.
+    """Return a filter for frames by sender: `only` these devices, or all but those `without`.
 
     Raises UnknownName. A frame without a known sender is wanted unless `only` is given.
     """
     known = {plain_name(each.name): each.name for each in dictionaries}
     wanted, unwanted = ({known_name(name, known, "node") for name in names} for names in (only, without))
-    sent_by, nobody = senders(dictionaries, protocol), frozenset[str]()
+    sent_by = senders(dictionaries, protocol)
+    nobody = frozenset[str]()
 
     def wants(frame: Frame) -> bool:
         names = sent_by.get(frame.cob_id, nobody)

@@ -1,4 +1,4 @@
-"""What the devices in a log are: their answers about 0x1000 and 0x1018, read before the log is decoded.
+"""Finds the identities of devices in a log, by their answers for 0x1000 and 0x1018, before decoding.
 
 A scan stands at the beginning of many logs. What comes later is seen while decoding (`pdo.in_force`).
 """
@@ -15,19 +15,19 @@ from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import LARGEST, Batch
 
 BEGINNING = 100_000
-"""Entries of a log that are looked through; to look through all would take a third of the time of decoding."""
+"""Maximum number of entries searched; all of them would take a third of the decoding time."""
 
 ANSWERS = range(SDO_RESPONSE_BASE + NODE_IDS[0], SDO_RESPONSE_BASE + NODE_IDS[-1] + 1)
-"""COB-IDs of SDO answers that nobody has moved (CiA 301, 7.3.3)."""
+"""Predefined COB-IDs of SDO answers (CiA 301, 7.3.3)."""
 
 
 def shown_in(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> dict[int, dict[Address, int]]:
-    """Return what nodes show of 0x1000 and 0x1018 at the beginning of an open log; errors as `formats.batches`."""
+    """Return the values of 0x1000 and 0x1018 that nodes show at the beginning of a log; errors as `formats.batches`."""
     shown: dict[int, dict[Address, int]] = {}
     for node_id, answer in _answers(_beginning(formats.batches(file, form, largest))):
         is_wanted = answer.address[0] == standard.IDENTITY or answer.address == standard.DEVICE_TYPE
         if is_wanted and answer.content is not None:
-            # The first answer counts: a device that is exchanged later is seen while decoding.
+            # The first answer counts; a device exchanged later is noticed while decoding.
             numbers = shown.setdefault(node_id, {})
             numbers.setdefault(answer.address, int.from_bytes(answer.content, "little"))
     return shown

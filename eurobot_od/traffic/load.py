@@ -72,11 +72,11 @@ from eurobot_od.support.texts import columns
 
 
 MICROSECONDS = 1_000_000
-"""Microseconds of a second."""
+"""Microseconds per second."""
 
 
 class PeriodicMessage(NamedTuple):
-    """A message that one node sends; `bits` are those of its longest frame, with `length` bytes of data.
+    """A message of one node; `bits` are those of its longest frame, with `length` bytes of data.
 
     It falls due every `period`, is in a mailbox at most `jitter` later, and has to be through after `deadline`. One
     that `answers` another, by its name, is due with it, and its `jitter` is what the node takes to answer. `reason`
@@ -100,18 +100,18 @@ class PeriodicMessage(NamedTuple):
         return cls(identifier, longest_frame(length), node=node, name=name, length=length, answers=answers)
 
     def every(self, period: int, reason: str = "") -> PeriodicMessage:
-        """Return the message with a period, and with that for a deadline."""
+        """Return the message with a period that is also its deadline."""
         return self._replace(period=period, deadline=period, reason=reason)
 
 
 class ErrorRate(NamedTuple):
-    """At most `number` bit errors in any time as long as `interval`."""
+    """A maximum of `number` bit errors in any time of length `interval`."""
 
     number: int = 0
     interval: int = MICROSECONDS
 
     def within(self, time: int) -> int:
-        """Return how many errors there can be in a time."""
+        """Return the maximum number of errors in a time."""
         return self.number * -(-time // self.interval)
 
 
@@ -119,7 +119,7 @@ NO_ERRORS = ErrorRate()
 
 
 class MessageSet(NamedTuple):
-    """All that is sent on a bus; `mailboxes` of nodes that have a limited number, `bit_rate` in bit/s if it is said.
+    """All messages of a bus, the `mailboxes` of nodes with a limited number, and the bit rate in bit/s.
 
     `messages` come in the order of their urgency. `offered` are the bit rates that the EDS files of all devices have.
     """
@@ -136,23 +136,23 @@ RECOVERY_BITS = 31
 (12), delimiter (8), intermission (3), and the 8 bits for which an error passive node suspends its transmission."""
 
 HORIZON = 10**7
-"""Bit times after which a busy period counts as endless: 10 s at 1 Mbit/s."""
+"""Length in bit times from which a busy period counts as endless; 10 s at 1 Mbit/s."""
 
 INSTANCES = 1000
-"""More instances of a message in one busy period are not looked at, and taken for endless."""
+"""Number of instances of a message in one busy period from which it counts as endless."""
 
 ROUNDS = 256
-"""Iterations over all jitters, after which they are assumed to grow for ever."""
+"""Number of iterations after which jitters are assumed to grow for ever."""
 
 FULL = 1
-"""From this share of the bus on nothing is bounded; without blocking, jitter and errors that share itself could be."""
+"""Load from which no message is bounded."""
 
 BIT = 1
 """A frame that is ready within the first bit of another's arbitration still takes part in it."""
 
 
 class Bound(NamedTuple):
-    """What is proved of a message, in bit times; None without a bound.
+    """Proved bounds of a message, in bit times; None without a bound.
 
     `response` is counted from when the message falls due, `waiting` from its release, `busy` is the busy period.
     `blocking` is the place of the less urgent message that can hold the bus when it falls due, `inversion` that of the
@@ -170,7 +170,7 @@ UNBOUND = Bound()
 
 
 class Interference(NamedTuple):
-    """What the messages as urgent as one of them, or more urgent, do to it.
+    """Effect of the messages that are at least as urgent as one message on it.
 
     `load` is the share of the bus that they and the errors take, `load_of_others` without the message itself;
     `blocking` is the longest less urgent message and `blocked` its bits; `recovery` is what an error costs.
@@ -186,12 +186,12 @@ class Interference(NamedTuple):
 
 
 Waits: TypeAlias = tuple[int, int, int]
-"""A message that another waits for: its bits, its period, and how long before an instance may have fallen due."""
+"""A message that another waits for: its bits, period and jitter."""
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """The analysis of a list of messages, their times in bit times.
+    """The analysis of messages with times in bit times.
 
     `mailboxes` says how many a node has; a node that is not named has enough.
     """
@@ -207,7 +207,7 @@ class Analysis:
 
     @cached_property
     def bounds(self) -> tuple[Bound, ...]:
-        """What is proved of each message, in the order of the list."""
+        """Proved bounds of each message, in the order of the list."""
         late: frozenset[str] = frozenset()
         while True:  # at most once for each node
             solution = _Solution(self, late)
@@ -217,16 +217,16 @@ class Analysis:
 
     @cached_property
     def levels(self) -> tuple[Interference, ...]:
-        """What each message has to wait for."""
+        """Interference for each message."""
         return tuple(map(self._level, range(len(self.messages))))
 
     def _level(self, place: int) -> Interference:
         message = self.messages[place]
-        # `<=`, as two nodes may send one identifier: each then waits for the other.
+        # `<=`, as nodes that share an identifier wait for each other.
         urgent = [n for n, each in enumerate(self.messages) if each.identifier <= message.identifier]
         others = tuple(n for n in urgent if n != place)
         less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
-        # One of them at most: it has begun before the message falls due, and the next arbitration is the message's.
+        # At most one, begun before the message falls due, as the message wins the next arbitration.
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
         recovery = RECOVERY_BITS + max(self.messages[n].bits for n in urgent)
@@ -235,7 +235,7 @@ class Analysis:
         return Interference(message, others, blocking, blocked, load + self._share([message]), load, recovery)
 
     def _share(self, messages: Iterable[PeriodicMessage]) -> Fraction:
-        """Return the share of the bus that messages take, exactly, as FULL is a sharp limit."""
+        """Return the exact share of the bus that messages take, as FULL is a sharp limit."""
         return Fraction(sum(each.bits * (self._hyperperiod // each.period) for each in messages), self._hyperperiod)
 
     @cached_property
@@ -243,7 +243,7 @@ class Analysis:
         return lcm(*(each.period for each in self.messages))
 
     def rivals(self, place: int, late: bool) -> list[int]:
-        """Return the messages that can be the most urgent in their node's mailboxes while all are less urgent than one.
+        """Return less urgent messages that can be the most urgent ones in their node's mailboxes.
 
         `late`: one message may take more than one mailbox.
         """
@@ -263,7 +263,7 @@ def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
         return time * bit_rate // MICROSECONDS
 
     def in_bits(each: PeriodicMessage) -> PeriodicMessage:
-        # Periods and deadlines are rounded down and jitters up: a bound has to hold for the exact times as well.
+        # Periods and deadlines are rounded down and jitters up, so that bounds hold for the exact times.
         return each._replace(period=max(bits(each.period), 1), deadline=bits(each.deadline), jitter=-bits(-each.jitter))
 
     errors = messages.errors._replace(interval=max(bits(messages.errors.interval), 1))
@@ -271,7 +271,7 @@ def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
 
 
 class _Solution:
-    """The least jitters and times that agree with each other.
+    """The least jitters and times that satisfy all equations.
 
     `late` names the nodes in whose mailboxes there may be more than one instance of a message.
     """
@@ -298,27 +298,27 @@ class _Solution:
         self._in_mailbox = {n: self._mailbox_time(n) for n in {each for rivals in self._rivals for each in rivals}}
 
     def _waits(self, level: Interference, places: Sequence[int], early: Sequence[int | None]) -> list[Waits] | None:
-        """Return what a message waits for; None where a bus is full, or one of those has no bound either."""
+        """Return the messages that a message waits for; None if the bus is full or one of them has no bound."""
         others = [(self._messages[n], each) for n in places if (each := early[n]) is not None]
         waits = [(message.bits, message.period, each) for message, each in others]
         return waits if len(waits) == len(places) and level.load < FULL else None
 
     @property
     def late(self) -> frozenset[str]:
-        """The nodes with a message that may be on its way when its next instance falls due."""
+        """Nodes with a message that may still be queued when its next instance falls due."""
         pairs = zip(self._messages, self._times)
         return frozenset(m.node for m, times in pairs if times.response is None or times.response > m.period)
 
     def bounds(self) -> tuple[Bound, ...]:
-        """Return what is proved."""
+        """Return the proved bounds."""
         return tuple(
             times._replace(blocking=level.blocking, inversion=max(rivals, key=self._waiting, default=None))
             for times, level, rivals in zip(self._times, self._levels, self._rivals)
         )
 
     def _jitter(self, place: int) -> int | None:
-        """Return a message's jitter: its own, what it answers, and how long it may wait for a mailbox."""
-        if self._jitters[place] is None:  # for good: nothing ever gets better
+        """Return a message's jitter: its own, that of its request, and the wait for a mailbox."""
+        if self._jitters[place] is None:  # jitters never decrease
             return None
         message = self._messages[place]
         answered = _or_never(self._times[self._places[message.answers]].response) if message.answers else 0
@@ -326,7 +326,7 @@ class _Solution:
         return jitter if jitter <= HORIZON else None
 
     def _waiting(self, place: int) -> int:
-        """Return how long a message may be in its mailbox while its node has nothing more urgent in the others."""
+        """Return the maximum time in its mailbox while its node has no more urgent frame in the others."""
         return min(_or_never(self._times[place].waiting), _or_never(self._in_mailbox[place]))
 
     def _mailbox_time(self, place: int) -> int | None:
@@ -360,13 +360,15 @@ def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: Er
         if found is None:
             return UNBOUND
         queued = found  # w grows with the instance, so the search for the next one starts here
-        sent, due = queued + bits, instance * period - jitter
-        response, waiting = max(response, sent - due), max(waiting, sent - max(due, 0))
+        sent = queued + bits
+        due = instance * period - jitter
+        response = max(response, sent - due)
+        waiting = max(waiting, sent - max(due, 0))
     return Bound(response, waiting, busy)
 
 
 def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: ErrorRate) -> Callable[[int], int]:
-    """Return the function whose least solution is how long a message waits until its frame begins for good."""
+    """Return the function whose least solution is the time until a message's frame is finally sent."""
 
     def until_sent(time: int) -> int:
         waits = sum(_ceil(time + j + BIT, t) * c for c, t, j in others)
@@ -376,7 +378,7 @@ def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: Er
 
 
 def _least(function: Callable[[int], int], start: int, least: int, load: Fraction) -> int | None:
-    """Return the least solution of time = function(time), None over the horizon; `start` is no later than it.
+    """Return the least solution of time = function(time), None beyond the horizon; `start` is a lower bound.
 
     As function(time) is at least `least` + `load` * time, no solution is earlier than `least` / (1 - `load`): to begin
     there keeps the loop short near a full bus.
@@ -403,7 +405,7 @@ MISSED = "MISSED"
 
 
 class BoundRow(NamedTuple):
-    """A message and what is proved of it, times in us: `response` is None without a bound.
+    """A message and its proved bounds, in us; `response` is None without a bound.
 
     `blocking` names the less urgent message that can hold the bus, `inversion` the one of its own node that can keep it
     out of the mailboxes; empty if there is none.
@@ -416,7 +418,7 @@ class BoundRow(NamedTuple):
 
     @property
     def margin(self) -> int | None:
-        """What is left of the deadline, us; negative if it can be missed, None without a bound."""
+        """Deadline minus response, in us; negative if it can be missed, None without a bound."""
         return None if self.response is None else self.message.deadline - self.response
 
     @property
@@ -426,7 +428,7 @@ class BoundRow(NamedTuple):
 
 
 class LoadReport(NamedTuple):
-    """A set at a bit rate, bit/s: share `load` of the bus, longest `busy` period in us, None if it has no end."""
+    """Results at a bit rate in bit/s: the share `load`, and the longest `busy` period in us (None: endless)."""
 
     bit_rate: int
     load: Fraction
@@ -447,7 +449,7 @@ def load_report(messages: MessageSet, bit_rate: int) -> LoadReport:
         return "" if place is None else messages.messages[place].name
 
     def microseconds(bits: int | None) -> int | None:
-        # Rounded up: a bound must not get shorter on its way.
+        # Rounded up, so that the bound still holds.
         return None if bits is None else -(-bits * MICROSECONDS // bit_rate)
 
     rows = tuple(
@@ -465,12 +467,14 @@ HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin",
 
 
 def table(report: LoadReport) -> Iterator[str]:
-    """Write a line for each message, times in ms, and what is to be said about all of them."""
+    """Yield a line for each message, with times in ms, and a summary."""
     lines: list[tuple[str, ...]] = [HEADINGS]
     for row in report.rows:
         message, left = row.message, row.margin
         response = NO_BOUND if row.response is None else ms(row.response)
-        margin = MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left)
+        margin = MISSED
+        if left is not None:
+            margin = f"{MISSED} {ms(left)}" if left < 0 else ms(left)
         held_up = ", ".join(filter(None, (row.blocking, row.inversion and f"{row.inversion} in the mailboxes")))
         times = ms(message.period), response, ms(message.deadline), margin
         lines.append((f"{message.identifier:03X}", message.name, message.node, *times, held_up))
@@ -480,7 +484,7 @@ def table(report: LoadReport) -> Iterator[str]:
 
 
 def summary(report: LoadReport) -> str:
-    """Say in one line how full the bus is, and whether all deadlines are met."""
+    """Return the load, and whether all deadlines are met, in one line."""
     missed = sum(not row.holds for row in report.rows)
     verdict = f"{missed} of {len(report.rows)} deadlines can be missed" if missed else "all deadlines are met"
     busy = "without end" if report.busy is None else f"at most {ms(report.busy)} ms at a stretch"
@@ -488,14 +492,14 @@ def summary(report: LoadReport) -> str:
 
 
 def too_slow(messages: MessageSet) -> Iterator[str]:
-    """Say of each bit rate that the EDS files offer, and at which deadlines can be missed, what is missed."""
+    """Yield a line for each offered bit rate at which deadlines can be missed."""
     for report in (load_report(messages, each) for each in messages.offered):
         if not report.holds:
             yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
 
 
 def ms(microseconds: int) -> str:
-    """Write microseconds as milliseconds."""
+    """Format microseconds as milliseconds."""
     return f"{microseconds / 1000:.2f}"
 
 
@@ -503,7 +507,7 @@ def ms(microseconds: int) -> str:
 
 
 def as_data(report: LoadReport) -> dict[str, Any]:
-    """Return all of it as plain data; times in us."""
+    """Return the report as plain data; times in us."""
     return {
         "bit_rate": report.bit_rate,
         "load": round(float(report.load), 6),
@@ -521,10 +525,10 @@ def _row_data(row: BoundRow) -> dict[str, Any]:
     return said | {"blocking": row.blocking or None, "inversion": row.inversion or None}
 
 
-# As a chart: a bar for each message, up to its bound, and a mark at its deadline, on a log scale
+# Chart with a bar for each message up to its bound, and a mark at its deadline, on a log scale
 
 LEFT, TOP, ROW, PLOT, RIGHT, BOTTOM = 320, 76, 20, 620, 84, 44
-"""Margins, height of a row, width of the plot; one unit is a pixel of a screen."""
+"""Margins, height of a row and width of the plot, in pixels."""
 
 BAR = 12
 
@@ -532,7 +536,7 @@ LEGEND = "bar: worst-case response time; upright mark: deadline"
 
 
 def decades(report: LoadReport) -> range:
-    """Return the powers of ten of the microseconds that the chart reaches from and to, one line each."""
+    """Return the powers of ten, in microseconds, that the chart spans."""
     times = [t for row in report.rows for t in (row.response, row.message.deadline) if t]
     low = floor(log10(min(times, default=1) / 2))  # so that the shortest bar can be seen
     return range(low, max(ceil(log10(max(times, default=1))), low + 1) + 1)
@@ -540,7 +544,8 @@ def decades(report: LoadReport) -> range:
 
 def chart(report: LoadReport, title: str) -> str:
     """Return the chart as an SVG document."""
-    powers, bottom = decades(report), TOP + ROW * len(report.rows)
+    powers = decades(report)
+    bottom = TOP + ROW * len(report.rows)
     scale = svg.Axis(powers[0], powers[-1], LEFT, LEFT + PLOT)
     return svg.document(
         title,
@@ -555,9 +560,11 @@ def chart(report: LoadReport, title: str) -> str:
 
 
 def _row(row: BoundRow, scale: svg.Axis, y: int) -> str:
-    message, colour = row.message, svg.BLUE if row.holds else svg.RED
-    end = LEFT + PLOT if row.response is None else scale.at(log10(row.response))  # no bound: as far as there is room
-    deadline, foot = scale.at(log10(message.deadline)), y + BAR
+    message = row.message
+    colour = svg.BLUE if row.holds else svg.RED
+    end = LEFT + PLOT if row.response is None else scale.at(log10(row.response))  # without a bound to the right edge
+    deadline = scale.at(log10(message.deadline))
+    foot = y + BAR
     words = f"{message.identifier:03X}  {message.name}"
     response = NO_BOUND if row.response is None else f"{ms(row.response)} ms"
     return svg.group(
@@ -572,16 +579,16 @@ def _row(row: BoundRow, scale: svg.Axis, y: int) -> str:
 SERVER_NODE_ID = 3
 """Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""
 MAILBOXES = "Transmit.Mailboxes"
-"""A setting of a device that says how many mailboxes it has."""
+"""Object of a device with its number of mailboxes."""
 
 MS, INHIBIT_UNIT = 1000, 100
-"""Microseconds of a millisecond, and of the unit of inhibit times."""
+"""Microseconds per millisecond, and per unit of inhibit times."""
 
 
 def network_set(
     dictionaries: Iterable[Dictionary], names: Mapping[int, str], network: NetworkFile, file: str
 ) -> MessageSet:
-    """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
+    """Return the messages of devices; `names` are those of PDOs by COB-ID, `file` is the network file's name.
 
     Raises FileError for a row of the network file that does not hold, LocalError for messages without a period.
     """
@@ -602,7 +609,7 @@ def network_set(
     bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
     rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
     offered = tuple(sorted(set.intersection(*rates))) if rates else ()
-    # What several nodes send by one name is told apart by the node.
+    # Messages of the same name are distinguished by their node.
     sent = [each.name for each in by_rows]
     apart = [e._replace(name=f"{e.name} {e.node}") if sent.count(e.name) > 1 else e for e in by_rows]
     urgent_first = sorted([*by_itself, *apart], key=lambda each: each.identifier)
@@ -612,7 +619,7 @@ def network_set(
 def _setting(device: Dictionary, name: str) -> int | None:
     try:
         return device.number(device.address(name))
-    except DictionaryError:  # no device has to have such a setting
+    except DictionaryError:  # the object is optional
         return None
 
 
@@ -631,13 +638,14 @@ def _pdo(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> PeriodicMess
 def _by_itself(
     device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]
 ) -> Iterator[PeriodicMessage]:
-    """Yield what a device sends by timer or SYNC, or whenever its inhibit time allows."""
+    """Yield messages that a device sends by timer or SYNC, or whenever its inhibit time allows."""
     cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
-        message, inhibit = _pdo(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
-        if pdo.is_synchronous and cycle:  # type 0, with the next SYNC if it has changed, may be as often as type 1
+        message = _pdo(device, pdo, names)
+        inhibit = pdo.inhibit_time * INHIBIT_UNIT
+        if pdo.is_synchronous and cycle:  # type 0 (next SYNC after a change) can be as frequent as type 1
             yield message.every(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
-        elif inhibit:  # before the event timer, which only says how seldom it may be sent
+        elif inhibit:  # takes precedence, as the event timer only sets the lowest rate
             yield message.every(inhibit, "inhibit time")
         elif pdo.event_timer:
             yield message.every(pdo.event_timer * MS, "event timer")
@@ -657,12 +665,13 @@ def _emcy(device: Dictionary) -> PeriodicMessage:
 
 
 def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[tuple[str, PeriodicMessage]]:
-    """Yield the services with the names of their rows: EMCY without an inhibit time, SDO if a client is there."""
+    """Yield the services with their row names: EMCY without an inhibit time, and SDO if there is a client."""
     if not device.number(standard.EMCY_INHIBIT_TIME):
         yield "EMCY", _emcy(device)
     for client in devices:
         if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
-            at, request = SdoChannel.of(device), f"SDO request {device.name}"
+            at = SdoChannel.of(device)
+            request = f"SDO request {device.name}"
             yield "SDO", PeriodicMessage.of(request, at.requests, 8, client.name)
             yield "SDO", PeriodicMessage.of(f"SDO answer {device.name}", at.answers, 8, device.name, request)
 
@@ -671,18 +680,18 @@ def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[tup
 
 
 class _Rows:
-    """The rows of a network file's traffic, with the settings of the devices."""
+    """Rows of the network file's traffic, with the settings of the devices."""
 
     def __init__(self, devices: tuple[Dictionary, ...], rows: Mapping[str, TrafficEntry], file: str) -> None:
         self._devices, self._rows, self._file = devices, rows, file
 
     def refuse_unknown(self, known: set[str]) -> None:
-        """Refuse a row of a message that no node sends."""
+        """Check that each row is of a message that a node sends."""
         for name in (each for each in self._rows if each not in known):
             raise self._error(name, f"traffic of {name!r}, which no node sends")
 
     def sent(self, name: str, message: PeriodicMessage) -> Iterator[PeriodicMessage]:
-        """Yield a message as its row says, if there is one."""
+        """Yield a message with the values of its row, if there is one."""
         row = self._rows.get(name)
         if row is not None:
             sent = message.every(self._period(name, row), row.reason)
@@ -694,7 +703,7 @@ class _Rows:
 
     def _period(self, name: str, row: TrafficEntry) -> int:
         met = {name}
-        while row.answers:  # an answer is as frequent as what it answers; in a circle nothing has a period
+        while row.answers:  # an answer has the period of its request; a cycle has none
             if row.answers in met or row.answers not in self._rows:
                 raise self._error(row.answers, f"{name!r} answers {row.answers!r}, which has no period")
             met.add(row.answers)
@@ -706,7 +715,7 @@ class _Rows:
         return period
 
     def _time(self, text: str, node: str) -> int:
-        """Return the us of a duration, or of a setting in ms: the node's own before another's."""
+        """Return a duration in us, or a setting in ms converted; the node's own setting comes first."""
         if texts.is_duration(text):
             return texts.microseconds(text)
         for device in sorted(self._devices, key=lambda each: each.name != node):
@@ -715,7 +724,7 @@ class _Rows:
         raise self._error(text, f"{text!r} is neither a duration nor a setting of a device")
 
     def _error(self, at: str, what: str) -> FileError:
-        """Return the error at a text of the network file, which knows its place."""
+        """Return an error at the place of a text in the network file."""
         known = next((name for name in self._rows if name == at), at)  # the file's own text, with its place
         place = getattr(at, "place", None) or getattr(known, "place", None)
         return FileError(f"{self._file}:{place.line}:{place.column}" if place else self._file, what)

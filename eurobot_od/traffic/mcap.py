@@ -1,4 +1,4 @@
-"""A log as MCAP, which Foxglove and PlotJuggler open: a channel for each message, JSON with a schema.
+"""Writes MCAP for Foxglove and PlotJuggler: a channel for each message, JSON with a schema.
 
 A message has the words and numbers of `decode --json`, null for unknown. If a message draws something, such as a pose,
 that goes into a channel of its own; the caller says which message draws what.
@@ -17,13 +17,13 @@ from eurobot_od.export.description import Drawings
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.kinds import ColumnForm, Message, kinds, plain
 from eurobot_od.traffic.dbc import ForeignMessage
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import LogEntry
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
 NANOSECONDS = 1_000_000_000
 END_OF_TIME = float(1 << 64) // NANOSECONDS
-"""Times in MCAP are below this, in seconds: nanoseconds in 64 bits."""
+"""Upper limit of times in MCAP, in s: 64 bits of nanoseconds."""
 
 JSON = "json"
 SCHEMA = "jsonschema"
@@ -34,11 +34,11 @@ TYPES: Mapping[ColumnForm, str] = {
     **dict.fromkeys((ColumnForm.BITS, ColumnForm.WORD, ColumnForm.TEXT, ColumnForm.OCTETS), "string"),
     ColumnForm.BOOLEAN: "boolean",
 }
-"""JSON types of field values, as `Kind.plain` writes them."""
+"""JSON types of field values, as `Kind.plain` returns them."""
 
 
 class Written(NamedTuple):
-    """How many messages and drawings were written, and how many entries were damaged."""
+    """Numbers of messages and drawings written, and of damaged entries."""
 
     messages: int = 0
     drawings: int = 0
@@ -50,17 +50,20 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     writer = Writer(file)
     writer.start(library="eurobot-od")
     channels = _Channels(writer, drawings)
-    counts, latest = Counter[str](), 0.0
-    following = Following(decoder)
+    counts = Counter[str]()
+    latest = 0.0
+    following = TrackingDecoder(decoder)
     for line, time, channel, raw in entries:
         meaning = following(time, channel, raw)
         place = {"line": line, "channel": channel}
-        # MCAP's times are unsigned nanoseconds in 64 bits: an entry with another time is reported at the last good one.
+        # An entry with a time that MCAP cannot hold is reported at the last good time.
         if 0 <= time < END_OF_TIME:
-            latest, made = time, channels.of(meaning, place, time)
+            latest = time
+            made = channels.of(meaning, place, time)
         else:
             text = f"the time {time:g} s is not in 0..{END_OF_TIME:g}"
-            time, made = latest, [(DAMAGE, {"text": text, "_": place})]
+            time = latest
+            made = [(DAMAGE, {"text": text, "_": place})]
         for name, content in made:
             channels.add(name, content, time, meaning)
         names = [name for name, _ in made]
@@ -72,18 +75,18 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
 
 
 DRAWN = "/drawing"
-"""The end of the name of a drawing's channel."""
+"""Suffix of the name of a drawing's channel."""
 
 
 class _Channels:
-    """The channels of a file; each is made when something is written to it."""
+    """Channels of a file, created on first use."""
 
     def __init__(self, writer: Writer, drawings: Drawings) -> None:
         self._writer, self._drawings = writer, drawings
         self._ids: dict[tuple[str, type[Message] | None], int] = {}
 
     def of(self, meaning: Meaning, place: dict[str, Any], time: float) -> list[tuple[str, dict[str, Any]]]:
-        """Return what an entry becomes, with the channel for each part."""
+        """Return the parts that an entry becomes, each with its channel."""
         made: list[tuple[str, dict[str, Any]]] = []
         if meaning.message is not None:
             made.append((meaning.name, plain(meaning.message) | {"_": place}))
@@ -101,7 +104,7 @@ class _Channels:
 
     def add(self, name: str, content: Mapping[str, Any], time: float, meaning: Meaning) -> None:
         """Write a part of an entry to a channel."""
-        # A message that is mapped anew in the middle of a log has other fields from then on, and a channel of its own.
+        # A message that is remapped within a log has other fields, so it gets another channel.
         type_ = type(meaning.message) if name == meaning.name and meaning.message is not None else None
         key = name, type_
         if key not in self._ids:
@@ -111,19 +114,19 @@ class _Channels:
             if type_ is not None and isinstance(meaning.raw, Frame):
                 known = {"cob_id": f"0x{identifier_text(meaning.raw.cob_id)}", "senders": meaning.sender}
             self._ids[key] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
-        # It was published when it was logged: a bus has no other time than its log's.
+        # The publish time equals the log time, as a bus has no other.
         now = round(time * NANOSECONDS)
         self._writer.add_message(self._ids[key], now, json.dumps(content, ensure_ascii=False).encode(), now)
 
     def _schema(self, name: str, type_: type[Message] | None, service: object) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
-        if drawing is not None:  # viewers know what to draw by the name of the schema
+        if drawing is not None:  # viewers choose the drawing by the schema's name
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
         properties: dict[str, Any] = {"text": {"type": "string"}}
         if type_ is not None:
             properties = {}
             for field, kind in kinds(type_).items():
-                # A code, or a value out of range, may take the place of a number or a word.
+                # A code or a value out of range may replace a number or text.
                 types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
                 properties[field] = {"type": [*types], **_in(kind.unit)}
         elif isinstance(service, ForeignMessage):
@@ -132,7 +135,7 @@ class _Channels:
 
 
 def _in(unit: str) -> dict[str, str]:
-    """Return what a schema says of a unit."""
+    """Return the schema entry for a unit."""
     return {"description": f"in {unit}"} if unit else {}
 
 

@@ -1,4 +1,4 @@
-"""What a frame means: a message of the protocol, a CANopen service, or damage.
+"""Meanings of frames: a message of the protocol, a CANopen service, or damage.
 
 Rule of this file: nothing raises, whatever the frame; what is wrong with it is part of its meaning.
 """
@@ -39,17 +39,17 @@ from eurobot_od.traffic.services import (
 )
 
 CANOPEN = "CANopen"
-"""The group of the services, as messages have theirs in the catalogue."""
+"""Group of the services; messages have theirs in the catalogue."""
 
 DBC = "DBC"
-"""The group of the messages that a DBC names."""
+"""Group of the messages of DBC files."""
 
 REQUEST = "remote frame: asks for it"
-"""What a remote frame says."""
+"""Text of a remote frame."""
 
 
 class Defect(NamedTuple):
-    """One thing that is wrong with a frame, what exactly, and the likely reason, empty if there are too many."""
+    """A defect of a frame: its kind, a description, and the likely reason (empty if there are too many)."""
 
     damage: Damage
     text: str
@@ -57,15 +57,15 @@ class Defect(NamedTuple):
 
 
 MAPPED_OTHERWISE = "the device is likely mapped otherwise than its file says: `pdo NODE` or `monitor --ask` shows how"
-"""Why a frame has a length that its PDO's mapping cannot have."""
+"""Likely reason for a length that does not fit the PDO's mapping."""
 
 
 REWRITTEN = "its mapping was written before the log begins, or the log does not have what was written, or the answer"
-"""Why nobody knows what a field is."""
+"""Likely reason for an unknown field."""
 
 
 class SdoTransfer(NamedTuple):
-    """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
+    """A finished SDO transfer: its object, kind, size in bytes, and duration in s.
 
     `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
     end in the log it is not `whole`. `end` is that of its requests; `address` is None if its beginning is missing, and
@@ -86,7 +86,7 @@ class SdoTransfer(NamedTuple):
 
     @property
     def fields(self) -> Fields:
-        """What it was, as data."""
+        """Transfer as data."""
         said: Fields = {"node": self.end.server} if self.end else {}
         said |= {
             "direction": services.READ if self.is_upload else services.WRITE,
@@ -102,10 +102,10 @@ class SdoTransfer(NamedTuple):
 
 
 class Meaning(NamedTuple):
-    """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
+    """Meaning of a frame: the message or service `name`, its `group`, its `nodes`, and its text.
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
-    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it;
+    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, if a `TrackingDecoder` knows it;
     `service` is its identifier's, or another protocol's message: it tells what the frame by itself says as data.
     """
 
@@ -122,7 +122,7 @@ class Meaning(NamedTuple):
 
     @property
     def fields(self) -> Fields:
-        """What it says as data, besides a message: of the frame that ends an SDO transfer, all that this was."""
+        """Data of a service; of the frame that ends an SDO transfer, the whole transfer."""
         if self.transfer and self.transfer.is_whole and self.name == SDO:
             return self.transfer.fields
         frame = self.raw.frame if isinstance(self.raw, Foreign) else self.raw
@@ -130,35 +130,35 @@ class Meaning(NamedTuple):
 
     @property
     def is_read(self) -> bool:
-        """Whether it says what the frame says: what is wrong may also be what the log lacks before it."""
+        """Whether the frame itself could be read, even if the log lacks frames before it."""
         if not self.defects or self.message is not None:
             return True
         return all(each.damage is Damage.INCOMPLETE for each in self.defects)
 
 
 class MessageMeaning(Meaning):
-    """What a frame of a message means: its text is written each time that it is read, as few readers want it."""
+    """Meaning of a message's frame, whose text is computed on each access, as few readers need it."""
 
     __slots__ = ()
 
     @property
     def text(self) -> str:
-        """The fields in words."""
+        """Fields as text."""
         text: Any = self[TEXT]
         return text if isinstance(text, str) else text(self.raw[1])
 
 
 TEXT = Meaning._fields.index("text")
-"""The place of the text, or of what writes it from the data of a frame."""
+"""Index of the text, or of the function that computes it from the data."""
 
 
 def wrong(meaning: Meaning) -> str:
-    """Say what is wrong with a frame; empty if nothing is."""
+    """Return the defects of a frame as text, empty without any."""
     return "; ".join(f"{each.damage.value}: {each.text}" for each in meaning.defects)
 
 
 def with_defects(meaning: Meaning) -> str:
-    """Write a frame as far as it could be read, and after `!` what is wrong with it."""
+    """Return a frame's text as far as it could be read, with its defects after `!`."""
     if not meaning.defects:
         return meaning.text
     return f"{meaning.text}  ! {wrong(meaning)}" if meaning.is_read else f"! {wrong(meaning)}"
@@ -190,34 +190,36 @@ class Decoder:
         frames: FramesOfDevice = only_canopen,
     ) -> None:
         self._left, self._frames = left, frames
-        self.dictionaries, self.describe = tuple(dictionaries), describe
+        self.dictionaries = tuple(dictionaries)
+        self.describe = describe
         self.others = {cob_id: each for device in self.dictionaries for cob_id, each in frames(device).items()}
         self.others |= others
         self.learned = tuple(learned)
         devices = (*self.dictionaries, *self.learned)
         self.protocol = Protocol.of_devices(devices, catalogue, refused, listening=True, former=former)
-        self._own_errors, self._master = errors, master or MASTER
+        self._own_errors = errors
+        self._master = master or MASTER
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
     def as_shown(self, shown: InForce) -> Decoder:
-        """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
+        """Return a decoder for the present settings of the devices; invalid PDOs are left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
         former = self.protocol.bindings
         return Decoder(*known, shown.learned, self.others, former, self.describe, shown.left, self._frames)
 
     def binding(self, cob_id: int) -> Binding | None:
-        """Return the message under an identifier; None if there is none."""
+        """Return the message of an identifier, None without one."""
         return self._bindings.get(cob_id)
 
     @cached_property
     def remembered(self) -> Callable[[Raw], Meaning]:
-        """Return the meaning of a frame, kept if it is one of the last: most are requests and confirms without data."""
+        """Cached function for the meaning of a frame, as most frames repeat."""
         return lru_cache(REMEMBERED)(self)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
-        """The services by identifier; made late, as many logs have none."""
+        """Services by identifier, computed on first use."""
         found = services.services(self.dictionaries, self.errors, self._master, self.learned)
         for cob_id, each in self.others.items():
             if (service := found.get(cob_id)) and service.name == services.EMCY_NAME:
@@ -226,17 +228,17 @@ class Decoder:
 
     @cached_property
     def errors(self) -> ErrorWords:
-        """The words for the devices' emergency error codes."""
+        """Meanings of the devices' emergency error codes."""
         return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors, self.learned)
 
     @cached_property
     def unmapped(self) -> Unmapped:
-        """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
+        """PDOs besides the messages, computed on first use."""
         return Unmapped(self.dictionaries, self._left)
 
     @cached_property
     def followed(self) -> frozenset[int]:
-        """The identifiers of frames that may change what those after them mean."""
+        """Identifiers of frames that can change how later frames decode."""
         messages = self._bindings.keys()
         return frozenset(cob_id for cob_id, each in self.services.items() if each.name in FOLLOWED) - messages
 
@@ -249,14 +251,14 @@ class Decoder:
             return read(raw)
         if isinstance(raw, Foreign):
             return self._foreign(raw)
-        # The reader of an identifier is made at its first frame: a log has few of a network's messages.
+        # A reader is made at the first frame of its identifier, as a log has few of a network's messages.
         binding = self._bindings.get(raw.cob_id)
         read = self._readers[raw.cob_id] = _reader(binding) if binding else self._service
         return read(raw)
 
     @cached_property
     def foreign(self) -> Mapping[int, ForeignMessage]:
-        """Those of `others` that are neither a device's nor, on a bus with devices, a service's of CANopen."""
+        """Messages of `others` whose identifier no device, and no CANopen service on the bus, uses."""
         devices = {each.name for each in (*self.dictionaries, *self.learned)}
 
         def is_known(cob_id: int) -> bool:
@@ -267,7 +269,7 @@ class Decoder:
         return {cob_id: each for cob_id, each in self.others.items() if not is_known(cob_id)}
 
     def _foreign(self, raw: Foreign) -> Meaning:
-        """Return the meaning of what is not a classic frame; CAN FD is other traffic on the same wire, not damage."""
+        """Return the meaning of an entry that is no classic frame; CAN FD is other traffic, not damage."""
         if raw.damage is Damage.OTHERS:
             return Meaning(raw, raw.damage.value, "", (), None, raw.text)
         if raw.damage is not Damage.FD:
@@ -295,9 +297,9 @@ class Decoder:
         return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
 
     def _pdo(self, frame: Frame) -> Meaning:
-        """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
+        """Return the meaning of a frame that is neither a message nor a service."""
         found = self.unmapped.get(frame.cob_id)
-        if found is None and frame.cob_id & EXTENDED:  # other traffic on the same wire is not damage
+        if found is None and frame.cob_id & EXTENDED:  # other traffic, not damage
             return Meaning(frame, f"29-bit frame, {amount(len(frame.data), 'byte')}", "", (), None, str(frame))
         damage, why = self.unmapped.defect(frame.cob_id)
         defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
@@ -310,13 +312,13 @@ class Decoder:
             defects = (Defect(Damage.WRONG_LENGTH, text),)
         else:
             text = found.text(frame.data)
-        # Where there is no file, PDOs are told apart by identifier and length.
+        # Without files, PDOs are distinguished by identifier and length.
         name = found.name if self.dictionaries else f"{found.name}, {amount(len(frame.data), 'byte')}"
         sender = found.nodes[0] if found.is_sent else ""
         return Meaning(frame, name, "", found.nodes, None, text, defects, sender=sender)
 
     def _request(self, frame: RemoteFrame) -> Meaning:
-        """Return the meaning of a remote frame: it asks for the frame of its identifier."""
+        """Return the meaning of a remote frame, which requests the frame of its identifier."""
         if binding := self._bindings.get(frame.cob_id):
             nodes = (*binding.senders, *binding.receivers)
             return Meaning(frame, binding.name, binding.group, nodes, None, REQUEST)
@@ -325,14 +327,14 @@ class Decoder:
         found = self.services.get(frame.cob_id)
         if found is None:
             return self._pdo(frame)
-        # Only of error control a remote frame has a meaning of its own (CiA 301, 7.2.8.2.2.1).
+        # Only for error control does a remote frame have a meaning of its own (CiA 301, 7.2.8.2.2.1).
         name, sender = (GUARDING, self._master) if found.name == HEARTBEAT else (found.name, "")
         text = ", ".join(filter(None, (found.node, REQUEST)))
         return Meaning(frame, name, CANOPEN, self._nodes(found), None, text, sender=sender)
 
 
 def _with_makers(service: CanopenService, message: ForeignMessage) -> CanopenService:
-    """Return a service with what the maker says of the same frames."""
+    """Return a service extended by its maker's description of the same frames."""
 
     def text(data: bytes) -> str:
         return ", ".join(filter(None, (service.text(data), message.words(message.fields(data)))))
@@ -341,7 +343,7 @@ def _with_makers(service: CanopenService, message: ForeignMessage) -> CanopenSer
 
 
 def _other(message: ForeignMessage, raw: Raw, data: bytes) -> Meaning:
-    """Return the meaning of a frame of another protocol, which has this data."""
+    """Return the meaning of another protocol's frame with this data."""
     sender = next(iter(message.nodes), "")
     return Meaning(raw, message.name, DBC, message.nodes, None, message.text(data), sender=sender, service=message)
 
@@ -350,20 +352,24 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     """Return the function that decodes the frames of one message."""
     if not binding.is_whole:
         return partial(_read_in_part, binding)
-    name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
+    name = binding.name
+    group = binding.group
+    nodes = (*binding.senders, *binding.receivers)
     sender = next(iter(binding.senders), "")
-    # As candump's frames, a Meaning is made without the named tuple's own constructor.
-    length, decode, new = binding.layout.length, binding.decode, tuple.__new__
+    # `tuple.__new__` is faster than the constructor of the named tuple.
+    length = binding.layout.length
+    decode = binding.decode
+    new = tuple.__new__
     allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
 
-    writer = cache(partial(texts_writer, binding))  # compiled when the first text is read
+    writer = cache(partial(compile_text_writer, binding))  # compiled when the first text is read
 
     def text(data: bytes) -> str:
         (text,) = writer()("", words_of(binding, [binding.complete(data)]))
         return text.replace(OUTSIDE, "")
 
     def read(frame: Frame) -> Meaning:
-        data = frame[1]  # to unpack a named tuple takes an iterator
+        data = frame[1]  # faster than unpacking
         try:
             if len(data) > length and not binding.reads_longer:
                 raise binding.wrong_length(data)
@@ -372,7 +378,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
             defect = Defect(Damage.WRONG_LENGTH, str(error), MAPPED_OTHERWISE)
             return Meaning(frame, name, group, nodes, None, str(error), (defect,), sender=sender)
         defects: tuple[Defect, ...] = ()
-        # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
+        # Checked in C for speed, as it is hardly ever true.
         if len(data) > length or OutOfRange in map(type, message):
             defects = (*_too_long(frame, binding), *_out_of_range(message, binding, allowed))
         return new(MessageMeaning, (frame, name, group, nodes, message, text, defects, None, sender, None))
@@ -381,8 +387,9 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
 
 
 def _read_in_part(binding: Binding, frame: Frame) -> Meaning:
-    """Decode a frame of a message of which not all mapped objects are known."""
-    data, length = frame.data, binding.layout.length
+    """Decode a frame of a message whose mapping is only partly known."""
+    data = frame.data
+    length = binding.layout.length
     known = binding.known_fields(len(data))
     whole = binding.decode(data[:length] + bytes(length - len(data[:length])))
     message = whole._replace(**{field: None for field in binding.kinds if field not in known})
@@ -390,20 +397,21 @@ def _read_in_part(binding: Binding, frame: Frame) -> Meaning:
     text = ", ".join(f"{field}={UNKNOWN if value is None else kind.text(value)}" for (field, kind), value in values)
     defects = Defect(Damage.UNKNOWN_MAPPING, f"{binding.name}: {REWRITTEN}")
     odd = _out_of_range(message, binding, lambda field: binding.kinds[field].allowed(binding.limits[field]))
-    nodes, sender = (*binding.senders, *binding.receivers), next(iter(binding.senders), "")
+    nodes = (*binding.senders, *binding.receivers)
+    sender = next(iter(binding.senders), "")
     found = (defects, *odd)
     return Meaning(frame, binding.name, binding.group, nodes, message, one_line(text), found, sender=sender)
 
 
 OUTSIDE = "\0"
-"""Marks a text with a value that is out of range; no text has it otherwise."""
+"""Marks a text with a value out of range; it occurs in no other text."""
 
 LISTED_BITS = 12
-"""The texts of fields up to this wide are all kept, once they were needed."""
+"""Maximum width of fields whose texts are all cached, in bits."""
 
 
 class FieldTexts(dict[int, str]):
-    """The texts of a field by its raw values, each made when it first comes."""
+    """Cache of the texts of a field by raw value."""
 
     def __init__(self, text: Callable[[int], str]) -> None:
         self._text = text
@@ -414,14 +422,15 @@ class FieldTexts(dict[int, str]):
 
 
 def words_of(binding: Binding, data: Sequence[bytes]) -> tuple[int, ...]:
-    """Return frames' data of the whole length as the integers that a message's fields are parts of."""
+    """Return frames' data, each of full length, as integers that contain the message's fields."""
     layout = binding.layout
-    rest, order = bytes(MOST_BYTES - layout.length), layout.byte_order
+    rest = bytes(MOST_BYTES - layout.length)
+    order = layout.byte_order
     filled = rest.join(data) + rest if order == "little" else rest + rest.join(data)
     return unpack(f"{'<' if order == 'little' else '>'}{len(data)}Q", filled)
 
 
-def texts_writer(binding: Binding) -> Callable[[str, Sequence[int]], list[str]]:
+def compile_text_writer(binding: Binding) -> Callable[[str, Sequence[int]], list[str]]:
     """Generate `write(head, words) -> [head and the mapped fields for a person, ...]`.
 
     Nearly all values are plain numbers, or few; neither takes a call. Goto XY's function is, shortened to two fields:
@@ -442,16 +451,19 @@ def texts_writer(binding: Binding) -> Callable[[str, Sequence[int]], list[str]]:
     row = f'f"{{head}}{", ".join(parts)}"'
     if unknown is not None:  # one comparison for all that are unknown together, as in the codec
         row += f' if word & {unknown.mask} != {unknown.code} else f"{{head}}{", ".join(nothing)}"'
-    # Safe although it is compiled: only numbers and names of our own are in it, and texts of kinds.
+    # Safe to compile, as it contains only numbers and names made here.
     return compiled("write", f"def write(head, words):\n    return [{row} for word in words]\n", names)  # type: ignore[return-value]
 
 
 def _field_text(binding: Binding, field: str, number: int, names: dict[str, Any]) -> str:
-    """Write the expression of a field's text, in braces, and add to the `names` what it needs."""
-    kind, limits, raw = binding.kinds[field], binding.limits[field], extract(binding.layout, field)
+    """Return the expression of a field's text, in braces, and add to `names` what it needs."""
+    kind = binding.kinds[field]
+    limits = binding.limits[field]
+    raw = extract(binding.layout, field)
 
     numbers = range(0) if kind.says_more else kind.numbers(limits)
-    name, unit = one_line(f"{field}="), one_line(f" {kind.unit}".rstrip())
+    name = one_line(f"{field}=")
+    unit = one_line(f" {kind.unit}".rstrip())
 
     def text(raw: int) -> str:
         if raw in numbers:
@@ -481,16 +493,16 @@ def _out_of_range(message: Message, binding: Binding, allowed: Callable[[str], s
         yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")
 
 
-# The count of what is wrong
+# Counts of defects
 
 
 SEVERAL = 3
-"""From so many on a defect is taken to have the likely reason, and not to be chance."""
+"""Number of defects from which the likely reason is reported."""
 
 
 @dataclass
 class DamageCount:
-    """How often one kind of damage was met, in which log and line first, what exactly was wrong there, and why."""
+    """Number of defects of one kind, and the place, text and likely reason of the first."""
 
     log: str
     line: int
@@ -500,14 +512,14 @@ class DamageCount:
 
 
 class DamageCounts:
-    """Counts damage over any number of logs; `notes` are what they cannot tell."""
+    """Counts of defects over any number of logs, with `notes` on what the logs do not show."""
 
     def __init__(self) -> None:
         self.counts: dict[Damage, DamageCount] = {}
         self.notes: list[str] = []
 
     def add(self, log: str, line: int, defects: Iterable[Defect]) -> None:
-        """Count what is wrong with the entry at a line of a log."""
+        """Count the defects of the entry at a line of a log."""
         for each in defects:
             count = self.counts.get(each.damage)
             if count is None:
@@ -516,11 +528,11 @@ class DamageCounts:
 
     @property
     def total(self) -> int:
-        """How many defects there were."""
+        """Number of all defects."""
         return sum(count.number for count in self.counts.values())
 
     def report(self) -> Iterator[str]:
-        """Yield one line for each kind of damage, worst first, one for its likely reason, and the notes."""
+        """Yield a line for each kind of damage, worst first, one for its likely reason, and the notes."""
         for damage in Damage:
             if damage in self.counts:
                 count = self.counts[damage]
@@ -532,11 +544,11 @@ class DamageCounts:
 
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
-"""What an identifier belongs to unless it was moved (CiA 301, 7.3.3)."""
+"""Predefined owners of identifiers (CiA 301, 7.3.3)."""
 
 
 class IdentifierMeaning(NamedTuple):
-    """What an identifier without a message means: name, nodes, words; `damage` and `why` if wrong or not certain.
+    """Meaning of an identifier without a message: name, nodes, formatter; `damage` and `why` if uncertain.
 
     Without `is_sent` its one node receives it. `length` is what it has to have, in bytes; None if nothing says it.
     """
@@ -555,7 +567,7 @@ def _is_sent(pdo: Pdo) -> bool:
 
 
 class Unmapped:
-    """The PDOs by identifier that are not messages, and guesses for identifiers of the predefined connection set."""
+    """PDOs that are not messages, by identifier, and guesses by the predefined connection set."""
 
     def __init__(
         self,
@@ -567,13 +579,14 @@ class Unmapped:
         self._known: dict[int, IdentifierMeaning] = {}
         read = ((each, each.read_pdos(each.default, lambda _: None, listening=True)) for each in devices.values())
         pdos = [(device, pdo) for device, found in read for pdo in found if pdo.cob_id]
-        # Valid ones last, and of these the senders, as they know what they send.
+        # Later ones take precedence: valid PDOs, and of these those of senders.
         for device, pdo in sorted(pdos, key=lambda each: (each[1].valid, each[1].valid and _is_sent(each[1]))):
             if not pdo.valid:
                 why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
                 known = IdentifierMeaning(pdo.title, (device.name,), plain, _is_sent(pdo), Damage.SWITCHED_OFF, why)
             elif pdo.multiplex is not None:
-                name, words = f"{device.name}.{pdo.key}", partial(_mpdo_words, devices)
+                name = f"{device.name}.{pdo.key}"
+                words = partial(_mpdo_words, devices)
                 known = IdentifierMeaning(name, (device.name,), words, _is_sent(pdo), length=MPDO_LENGTH)
             else:
                 continue
@@ -585,15 +598,15 @@ class Unmapped:
                     self._known[cob_id] = _left(devices[node_id], each)
 
     def is_in_file(self, cob_id: int) -> bool:
-        """Return whether a file says what an identifier is for."""
+        """Return whether a file describes an identifier."""
         return cob_id in self._known
 
     def get(self, cob_id: int) -> IdentifierMeaning | None:
-        """Return what an identifier is for, by the files or else a guess; None if nothing fits."""
+        """Return the meaning of an identifier by the files or else a guess; None without any."""
         if cob_id in self._known:
             return self._known[cob_id]
         if found := values.owner(cob_id, DEFAULT_PDOS):
-            if not self._nodes:  # no file is missing where none is given
+            if not self._nodes:  # without any file, none is missing
                 return IdentifierMeaning(f"PDO 0x{cob_id:03X}", (), plain, is_sent=False)
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
@@ -606,14 +619,14 @@ class Unmapped:
         return None
 
     def defect(self, cob_id: int) -> tuple[Damage | None, str]:
-        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
+        """Return the defect of an identifier's frames (None without one) and its reason."""
         if found := self.get(cob_id):
             return found.damage, found.why
         return (None if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
 def _left(device: Dictionary, left: LeftIdentifier) -> IdentifierMeaning:
-    """Return what a frame is under an identifier that a PDO has left."""
+    """Return the meaning of an identifier that a PDO has left."""
     direction = next(each for each, records in values.COMMUNICATION_RECORDS.items() if left.record in records)
     title = f"{direction.name} {left.record - direction.value + 1}"
     what = "switched off" if left.now is None else f"moved to {shown_identifier(left.now)}"
@@ -623,21 +636,23 @@ def _left(device: Dictionary, left: LeftIdentifier) -> IdentifierMeaning:
 
 
 MPDO_LENGTH = values.MAX_BITS // 8
-"""Bytes of a PDO whose frames name their object: node-ID, index, sub-index and four bytes of value."""
+"""Length of an MPDO in bytes: node-ID, index, sub-index and four bytes of value."""
 
 DESTINATION = 1 << 7
-"""Bit of an MPDO's first byte: the node after it is who is meant, and not who sends (CiA 301, 7.2.2.6.2)."""
+"""Bit of an MPDO's first byte: its node-ID is the destination, not the source (CiA 301, 7.2.2.6.2)."""
 
 
 def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
-    """Say which object of which node has which value (CiA 301, 7.2.2.6); data of MPDO_LENGTH."""
-    node_id, address, octets = data[0] & ~DESTINATION, (data[1] | data[2] << 8, data[3]), data[4:]
+    """Format an MPDO: object, node and value (CiA 301, 7.2.2.6); data of MPDO_LENGTH."""
+    node_id = data[0] & ~DESTINATION
+    address = (data[1] | data[2] << 8, data[3])
+    octets = data[4:]
     device = devices.get(node_id)
     node = device.name if device else f"node {node_id}"
     receiver = "all nodes" if node_id == ALL_NODES else node
     whose = f"to {receiver}" if data[0] & DESTINATION else f"of {node}"
     variable = device.variable(address) if device else None
     type_ = values.DATA_TYPES.get(variable.data_type or 0) if variable else None
-    # A shorter object has the first of the four bytes; how many, is unknown for a type without a size.
+    # A shorter object uses the first bytes; a type without a size may use all.
     size = type_.size if type_ and 0 < type_.size < 4 else 4
     return f"{services.object_words(device, address)} {whose} = {services.value_words(device, address, octets[:size])}"

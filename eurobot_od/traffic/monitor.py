@@ -1,4 +1,4 @@
-"""What is on a bus, message by message: how often, how regularly, with which values, and what is wrong.
+"""Monitors a bus, message by message: counts, periods, values and defects.
 
 `Traffic` counts: frames go in with their times. A frame costs the same however many came before, and memory does not
 grow with them. Then come the table and its keys, where the frames are from (`BusSource`, `LogSource`), and at the end
@@ -25,7 +25,7 @@ from eurobot_od.frame import EXTENDED, Frame, identifier_text
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import GAP, amount, columns, one_line
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, Timed, shortened
 from eurobot_od.traffic.formats.python_can import of_message
 from eurobot_od.traffic.load import MessageSet
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 
 
 REMEMBERED_TIMES = 33
-"""Period and jitter are those of the last 32 intervals."""
+"""Number of times kept, for period and jitter of the last 32 intervals."""
 
 TWO = 2
 LOAD_SPAN = 1.0
-"""The bus load is that of the last second."""
+"""Time over which the bus load is computed, in s."""
 
 
 class MeanPeriod(NamedTuple):
@@ -57,7 +57,7 @@ class MeanPeriod(NamedTuple):
 
 @dataclass
 class MonitorRow:
-    """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage.
+    """A message, service or kind of damage: `meaning` is the last frame's, `wrong` counts defective frames.
 
     It has a `channel` where there are several.
     """
@@ -71,22 +71,22 @@ class MonitorRow:
 
     @property
     def last(self) -> float:
-        """When the last frame came."""
+        """Time of the last frame."""
         return self.times[-1]
 
     @property
     def period(self) -> MeanPeriod | None:
-        """The period; None before there is an interval."""
+        """Period, None before the first interval."""
         intervals = [later - earlier for earlier, later in pairwise(self.times)]
         if not intervals:
             return None
         mean = fsum(intervals) / len(intervals)
-        # `statistics.pstdev` counts in fractions, which is most of what a redrawn table would take.
+        # `statistics.pstdev` uses fractions, which is too slow for a table.
         return MeanPeriod(mean, sqrt(fsum((each - mean) ** 2 for each in intervals) / len(intervals)))
 
     @property
     def name(self) -> str:
-        """Name of the message; of a service with its node; of what is not known, why."""
+        """Name of the message, or of the service with its node, or the damage."""
         meaning = self.meaning
         if meaning.message is None and meaning.name and len(meaning.nodes) == 1:
             return f"{meaning.name} {meaning.nodes[0]}"
@@ -95,7 +95,7 @@ class MonitorRow:
 
 @dataclass
 class NodeHealth:
-    """A node's last reported state and EMCY; `pulse` knows whether the node is lost."""
+    """A node's last reported state and EMCY; `pulse` tells whether the node is lost."""
 
     pulse: Heartbeats = field(default_factory=Heartbeats)
     state: str = ""
@@ -103,14 +103,14 @@ class NodeHealth:
 
 
 class NodesHealth:
-    """How the nodes of a network are, by their names: those of the files, and any other that is heard."""
+    """Health of the nodes of a network by name: those with files, and any other that is heard."""
 
     def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
         self.nodes: dict[str, NodeHealth] = {}
         self.learn(dictionaries)
 
     def learn(self, dictionaries: Iterable[Dictionary]) -> None:
-        """Take in which nodes have files; one that was heard before keeps its state under its new name."""
+        """Update which nodes have files; a node heard before keeps its state under its new name."""
         for each in dictionaries:
             if each.name not in self.nodes:
                 period = (each.number(HEARTBEAT_TIME) or 0) / 1000
@@ -118,14 +118,14 @@ class NodesHealth:
                 self.nodes[each.name] = heard or NodeHealth(Heartbeats(period))
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in what a frame means."""
+        """Process the meaning of a frame."""
         if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
             self._note(time, meaning)
         if (ended := meaning.transfer) and ended.address == HEARTBEAT_TIME and ended.content:
             self._note_period(time, meaning.nodes[0], int.from_bytes(ended.content, "little") / 1000)
 
     def _note_period(self, time: float, node: str, period: float) -> None:
-        """Take in the heartbeat time that a node has from now on, s."""
+        """Set the heartbeat time of a node, in s."""
         health = self.nodes.setdefault(node, NodeHealth())
         is_known = health.pulse.heard is not None
         health.pulse = Heartbeats(period)
@@ -143,11 +143,11 @@ class NodesHealth:
 
 
 MOST_EXTENDED = 4096
-"""Most identifiers of 29 bits that are told apart: a bus of J1939 has some hundred, a hostile one half a billion."""
+"""Maximum number of distinct 29-bit identifiers; a J1939 bus has some hundred, a hostile one half a billion."""
 
 
 class Traffic:
-    """The traffic on a bus of `bitrate` bit/s, or on several; `rows` by identifier, or by damage where there is none.
+    """The traffic on one or more buses of `bitrate` bit/s, with `rows` by identifier or damage.
 
     Those of a second bus are by its channel, too. `groups` are those of the messages that may come; `buses` are, by
     channel, what came beside what is `promised`. `following` decodes the frames.
@@ -166,24 +166,26 @@ class Traffic:
         self._bits = 0
         self._extended = set[tuple[str, int]]()
         self._marks: deque[tuple[float, int, int]] = deque()
-        self.following, self._decoder = Following(decoder), decoder
+        self.following = TrackingDecoder(decoder)
+        self._decoder = decoder
 
     @property
     def seen(self) -> SeenTraffic:
-        """What came on the first bus."""
+        """Traffic of the first bus."""
         return next(iter(self.buses.values())) if self.buses else self._bus("")
 
     def _bus(self, channel: str) -> SeenTraffic:
-        """Return what came on a bus; from the second one on the rows say on which they are."""
+        """Return the traffic of a bus; with a second bus, rows get their channel."""
         found = self.buses.get(channel)
         if found is None:
             found = self.buses[channel] = SeenTraffic(self.bitrate, self._promised)
-            for row in self.rows.values() if len(self.buses) == TWO else ():
-                row.channel = next(iter(self.buses))
+            if len(self.buses) == TWO:
+                for row in self.rows.values():
+                    row.channel = next(iter(self.buses))
         return found
 
     def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None, channel: str = "") -> Meaning:
-        """Take in a frame of a channel, with the log and the line where it stands, and return what it means."""
+        """Process a frame of a channel, with its log and line, and return its meaning."""
         counted = self._counted(raw, channel)
         meaning = self.following(time, channel, counted)
         if (decoder := self.following.decoder(channel)) is not self._decoder:
@@ -192,7 +194,7 @@ class Traffic:
         self.now = time
         self.frames += 1
         bus = self._bus(channel)
-        # By COB-ID or Damage: both kinds of entry have it first. What a DBC names of CAN FD is by its name.
+        # The key is COB-ID or Damage, or the name of a CAN FD message in a DBC file.
         first = meaning.name if isinstance(counted, Foreign) and meaning.group else counted[0]
         key = first if bus is self.seen else (channel, first)
         row = self.rows.get(key)
@@ -213,7 +215,7 @@ class Traffic:
         return meaning
 
     def _counted(self, raw: Raw, channel: str) -> Raw:
-        """Return an entry, or what stands for all whose identifiers are too many to be told apart."""
+        """Return an entry, or a placeholder for all frames beyond the maximum of 29-bit identifiers."""
         if not isinstance(raw, Frame) or not raw.cob_id & EXTENDED:
             return raw
         key = channel, raw.cob_id
@@ -224,21 +226,21 @@ class Traffic:
 
     def clear(self) -> None:
         """Forget what was counted."""
-        # Not the frames and bits of all: the load is a difference between two of their counts.
+        # Keeps the totals, as the load is a difference of them.
         self.rows.clear()
         self.buses.clear()
         self._extended.clear()
         self.damage = DamageCounts()
 
     def load(self, now: float) -> tuple[float, float]:
-        """Return bus load (share of 1, stuff bits counted, mean of the buses) and frames per second.
+        """Return the bus load (share of 1, with stuff bits, mean of the buses) and frames per second.
 
         Both are since the last second's mark.
 
         Called at every refresh; between two calls the traffic is assumed to be even.
         """
         self._marks.append((now, self._bits, self.frames))
-        # One that is a second old stays, or the load would be that of the time since the last refresh.
+        # Keeps a mark that is a second old, so that the load covers a whole second.
         while len(self._marks) > 2 and now - self._marks[1][0] >= LOAD_SPAN:
             self._marks.popleft()
         since, bits, frames = self._marks[0]
@@ -259,7 +261,7 @@ SORTS: Mapping[str, Callable[[MonitorRow], Any]] = {
     "age": lambda row: -row.last,
     "wrong": lambda row: -row.wrong,
 }
-"""The orders of the table."""
+"""Orders of the table."""
 
 
 def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRow]:
@@ -268,7 +270,7 @@ def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRo
 
 
 def named(meaning: Meaning, part: str) -> bool:
-    """Return whether `part` is part of the name of a message, of its protocol, or of a node that has it."""
+    """Return whether `part` occurs in the name, protocol or nodes of a message."""
     return part.casefold() in " ".join((meaning.name, meaning.group, *meaning.nodes)).casefold()
 
 
@@ -279,10 +281,10 @@ HEADINGS = ("ID", "Message", "Count", "Period ms", "Age s", "Last values")
 ALIGN = "llrrrl"
 
 DROPPED = ("Age s", "Count", "Period ms")
-"""The columns that a narrow terminal drops, the least important first."""
+"""Columns that a narrow terminal drops, least important first."""
 
 ROOM = 24
-"""Characters for the last values; columns are dropped to keep them."""
+"""Minimum width of the last values, in characters; columns are dropped for it."""
 
 
 def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
@@ -290,7 +292,7 @@ def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
     widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
     shown = list(range(len(HEADINGS)))
     for dropped in map(HEADINGS.index, DROPPED):
-        # The last values get what the others leave, so their own width does not count.
+        # The last values get the remaining width, so their own does not count.
         if sum(widths[each] + len(GAP) for each in shown[:-1]) + ROOM <= width:
             break
         shown.remove(dropped)
@@ -298,23 +300,29 @@ def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
 
 
 def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
-    """Write a row, one text for each heading."""
+    """Return the cells of a row, one for each heading."""
     identifier = "" if row.identifier is None else identifier_text(row.identifier)
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
-    age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
-    place, name, values = f"{row.channel} {identifier}".strip(), row.name, with_defects(row.meaning)
+    age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer differ
+    place = f"{row.channel} {identifier}".strip()
+    name = row.name
+    values = with_defects(row.meaning)
     return one_line(place), one_line(name), str(row.count), every, age, one_line(values)
 
 
 def health(name: str, node: NodeHealth, now: float) -> str:
-    """Write the state of a node."""
-    state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
+    """Return the state of a node as text."""
+    state = node.state
+    if node.pulse.heard is None:
+        state = "not heard"
+    elif node.pulse.lost(now):
+        state = "LOST"
     return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
 
 
 def plain_table(rows: list[MonitorRow], now: float) -> Iterator[str]:
-    """Write the table without colours, one line a row."""
+    """Yield the table without colours, one line per row."""
     return columns([HEADINGS, *(cells(row, now) for row in rows)], ALIGN)
 
 
@@ -327,7 +335,7 @@ HELP = "q quit  p pause  s sort  / filter  j k scroll  c clear counts"
 
 @dataclass
 class Controls:
-    """Settings of the table: `part` is what names must contain, `typing` whether it is being typed.
+    """Settings of the table: `part` filters names, `typing` is whether it is being typed.
 
     `top` is how many rows are scrolled away.
     """
@@ -341,16 +349,17 @@ class Controls:
     top: int = 0
 
     def within(self, most: int) -> int:
-        """Return how many rows are scrolled away, `most` at most: what is shown ends with the last row."""
-        # Kept, or each press of `j` beyond the end would have to be taken back by one of `k`.
+        """Return the number of rows scrolled away, at most `most`, so that the last row stays in view."""
+        # Stored, so that presses of `j` beyond the end need no presses of `k` to undo.
         self.top = min(self.top, max(most, 0))
         return self.top
 
     def key(self, key: str) -> None:
-        """Take in a key; unknown keys do nothing."""
+        """Process a key; unknown keys do nothing."""
         if not self.typing:
-            for name, value in (KEYS[key](self) if key in KEYS else {}).items():
-                setattr(self, name, value)
+            if key in KEYS:
+                for name, value in KEYS[key](self).items():
+                    setattr(self, name, value)
         elif key in ENTER:
             self.typing = False
         elif key == ESCAPE:
@@ -372,35 +381,35 @@ KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
     "c": lambda _: {"clear": True},
     "q": lambda _: {"running": False},
 }
-"""What the keys change while no filter is being typed."""
+"""Settings that keys change while no filter is being typed."""
 
 
 Place: TypeAlias = tuple[str, int]
-"""A log, and a line of it."""
+"""A log and a line."""
 
 AT_ONCE = 20_000
-"""Entries of a log that are played without a refresh of the screen between them."""
+"""Maximum number of log entries played between two refreshes of the screen."""
 
 
 GRACE = 0.02
-"""Seconds that a frame of ours waits for what came before it: a busy machine reads late."""
+"""Time that our own frame waits for earlier received ones, in s, as a busy machine reads late."""
 
 RESOLUTION = 0.002
-"""Largest error of a driver's time in seconds: a frame was on the bus before ours only if it is earlier by more."""
+"""Maximum error of a driver's time, in s; a frame precedes ours only if it is earlier by more."""
 
 FRAMES_LOST = "{} frames have been lost so far because the driver's queue was full"
-"""The note about frames that a watcher has not had, with their number."""
+"""Note on lost frames, with their number."""
 
 NOTED_AGAIN = 5.0
-"""Seconds after which it comes again, if more were lost but not twice as many."""
+"""Minimum time before the note is repeated, in s, unless twice as many were lost."""
 
 APART = 0.1
-"""Seconds by which two clocks of a driver, or ours, may differ; a clock that is set goes back by more."""
+"""Maximum difference of two clocks, in s; a clock that is set goes back by more."""
 
 
 @dataclass
 class FrameUnderWay:
-    """A frame of ours among those that came; `taken` tells whether the driver has taken it, None before it says so.
+    """Our own frame among the received ones; `taken` is whether the driver accepted it, None until known.
 
     It was entered at the time `entered` of our clock.
     """
@@ -411,7 +420,7 @@ class FrameUnderWay:
 
 
 class BusSource:
-    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
+    """Frames of a bus with the driver's times, which are more exact than ours; a thread reads them.
 
     What is sent by `send` is given among them, in the order of the bus: before what answers it.
 
@@ -432,9 +441,11 @@ class BusSource:
         self._came: deque[tuple[float, Raw | FrameUnderWay]] = deque()
         self._failures: list[BusError] = []
         self._heard = (0.0, clock())
-        """The time of the last frame by the driver's clock and by ours: one value, as several threads read it."""
+        """Time of the last frame by the driver's clock and by ours; one tuple, as several threads read it."""
         self._offset, self._restarted, self._is_stamped = 0.0, False, False
-        self._overflow, self._noted, self._given = 0, -inf, 0.0
+        self._overflow = 0
+        self._noted = -inf
+        self._given = 0.0
         self._leaving = ExitStack()
 
         def back(gap: float) -> None:
@@ -446,7 +457,7 @@ class BusSource:
 
     def _fail(self, why: BusError) -> None:
         self.trouble = str(why)
-        if self._opener is None:  # raised by `poll`: this is the thread that reads
+        if self._opener is None:  # raised by `poll`, not on this thread
             self._failures.append(why)
         else:
             self.notes.append(f"{why}; it is opened again")
@@ -461,12 +472,12 @@ class BusSource:
             return
         try:
             raw = of_message(message)
-        except ValueError:  # what no adapter could receive, a peer behind a network can send
+        except ValueError:  # a network peer can send what no adapter could receive
             raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
         self._enter(message.timestamp, raw)
 
     def _enter(self, stamp: float, raw: Raw) -> None:
-        """Take in what came, by the clock before the bus was opened again: a driver's may start anywhere each time."""
+        """Add an entry with its time, adjusted after a restart as a driver's clock may start anywhere."""
         if self._restarted and (stamp + self._offset < self._heard[0] or not self._is_stamped):
             self._offset = self.now - stamp
         self._restarted, self._is_stamped = False, True
@@ -474,13 +485,13 @@ class BusSource:
         self._came.append((self._heard[0], raw))
 
     def send(self, frame: Frame, timeout: float) -> bool:
-        """Send on the same bus; False if the driver does not take the frame in `timeout` s. Raises BusError.
+        """Send a frame on this bus; return False if the driver does not accept it in `timeout` s. Raises BusError.
 
         Callers on several threads send one after the other.
         """
         under_way = FrameUnderWay(frame, self._clock())
-        self._restarted |= not self._is_stamped  # the times begin with this one, wherever the driver's clock may be
-        # Entered before the driver has it: its answer may come before `send` returns.
+        self._restarted |= not self._is_stamped  # times begin with this frame
+        # Added before it is sent, as its answer may come before `send` returns.
         self._came.append((self.now, under_way))
         try:
             under_way.taken = self._watch.send(frame, timeout)
@@ -490,7 +501,7 @@ class BusSource:
 
     @property
     def now(self) -> float:
-        """The present in s, by the driver's clock."""
+        """Present time in s, by the driver's clock."""
         last, seen = self._heard
         return last + self._clock() - seen
 
@@ -499,8 +510,8 @@ class BusSource:
         return longest
 
     def poll(self) -> Iterator[Timed]:
-        """Return the frames; raises BusError if the bus failed."""
-        for _ in range(len(self._came)):  # not until it is empty: on a full bus the screen would never be drawn
+        """Yield the received frames; raises BusError if the bus failed."""
+        for _ in range(len(self._came)):  # bounded, so that the screen is drawn even on a full bus
             time, raw = self._came[0]
             if not isinstance(raw, FrameUnderWay):
                 self._came.popleft()
@@ -517,20 +528,21 @@ class BusSource:
                 self._came.popleft()
                 if raw.taken:
                     yield self._in_order(min(time, behind)), raw.frame
-        # Told when the number has doubled, and else now and then: a flood would fill the screen with notes.
-        lost, told = self._watch.overflow(), self._overflow
+        # Noted when the number has doubled, or after a while, so that notes do not flood the screen.
+        lost = self._watch.overflow()
+        told = self._overflow
         if lost.bit_length() > told.bit_length() or (lost > told and self._clock() - self._noted > NOTED_AGAIN):
             self._note_overflow()
         if self._failures:
             raise self._failures[0]
 
     def _received(self) -> int:
-        """Return the place of the first frame that is not ours behind one that is, 0 without one."""
-        places = range(1, len(self._came))  # not the frames: another thread adds some meanwhile
+        """Return the place of the first received frame after one of ours, 0 without one."""
+        places = range(1, len(self._came))  # places, as another thread appends frames meanwhile
         return next((each for each in places if not isinstance(self._came[each][1], FrameUnderWay)), 0)
 
     def _in_order(self, time: float) -> float:
-        """Return a frame's time, or that of the one before: two that send at once are not stamped in their order."""
+        """Return a frame's time, or the previous one if stamps are slightly out of order."""
         if time < self._given < time + APART:
             return self._given
         self._given = time
@@ -538,14 +550,14 @@ class BusSource:
 
     def close(self) -> None:
         """Close the bus."""
-        # What was lost since the last note: asked for now, as a closed bus cannot tell.
+        # Read before closing, as a closed bus cannot report its overflow.
         if self._watch.overflow() > self._overflow:
             self._note_overflow()
         self._leaving.close()
 
 
 class LogSource:
-    """Entries of logs, with the logs' names, played `speed` times faster than they were recorded.
+    """Entries of logs, with the logs' names, played `speed` times as fast as recorded.
 
     `place` is where the entry stands that `poll` gave last, and `channel` on which it came.
     """
@@ -568,7 +580,7 @@ class LogSource:
 
     @property
     def now(self) -> float:
-        """The present in s, by the log's clock."""
+        """Present time in s, by the log's clock."""
         if self.ended or self._speed == inf:
             return self._last
         return self._first + (self._clock() - self._started) * self._speed
@@ -582,7 +594,7 @@ class LogSource:
         self._entries.close()
 
     def poll(self) -> Iterator[Timed]:
-        """Return the entries whose time has come."""
+        """Yield the entries that are due."""
         until = inf if self._speed == inf else self.now
         for _ in range(AT_ONCE):
             if self._next is None or self._next[1][1] > until:
@@ -595,20 +607,20 @@ class LogSource:
 
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
-"""Colours of the groups of messages, in the catalogue's order; further groups have none."""
+"""Colours of the groups, in the catalogue's order; further groups have none."""
 
 SERVICE_COLOUR = "magenta"
 
 WRONG, OLD = "bold red", "dim"
 OLD_AFTER = 3.0
-"""Periods after which a message is old, but at least a second."""
+"""Number of periods after which a message is old, at least 1 s."""
 
 BAR_WIDTH = 20
 HEAVY_LOAD = 0.8
 
 
 class Size(NamedTuple):
-    """Characters and lines of a terminal."""
+    """Size of a terminal, in characters and lines."""
 
     width: int
     height: int
@@ -617,7 +629,7 @@ class Size(NamedTuple):
 def screen(
     traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
-    """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
+    """Return the whole screen for a terminal size, with the last of the `notes`."""
     from rich.console import Group  # an extra
     from rich.text import Text
 
@@ -661,10 +673,13 @@ def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width
         justify: JustifyMethod = "right" if ALIGN[column] == "r" else "left"
         table.add_column(HEADINGS[column], justify=justify, no_wrap=True, ratio=ratio)
     for row, line in zip(rows, lines):
-        colour, period = colours.get(row.meaning.group, ""), row.period
+        colour = colours.get(row.meaning.group, "")
+        period = row.period
         old = period is not None and now - row.last > max(OLD_AFTER * period.mean, 1.0)
-        style = WRONG if row.meaning.defects else f"{colour} {OLD}" if old else colour
-        # Text, not str: rich would take brackets in a name or a value for its markup.
+        style = f"{colour} {OLD}" if old else colour
+        if row.meaning.defects:
+            style = WRONG
+        # Text, as rich would read brackets in a str as markup.
         table.add_row(*(Text(line[column]) for column in columns), style=style)
     return table
 

@@ -1,4 +1,4 @@
-"""Records frames in a log file; the suffix says the format, which is one of python-can's.
+"""Records frames in a log file, in a format of python-can that the suffix selects.
 
 Rule of this file: a second after a frame was written it is on the disk, whatever happens next; if not, that is reported
 at once. Line formats go to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they are closed:
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
 
 PERIOD = 0.5
-"""Seconds between two syncs of the file to the disk."""
+"""Interval of syncs of the file to disk, in s."""
 
 TABLE = ".db"
-"""Suffix of an SQLite file. python-can's writer of it loses its last frames, and its errors come up in a thread."""
+"""Suffix of an SQLite file; python-can's own writer loses the last frames and raises in a thread."""
 
 GO_ON, END = "go-on", "end"
-"""When a log can no longer be written, its program goes on without it or is interrupted."""
+"""Reactions to a log that can no longer be written: continue without it, or interrupt the program."""
 
 
 @contextmanager
 def recording(
     file: Path | None, on_failure: str = GO_ON, tell: Callable[[str], object] = print
 ) -> Iterator[Callable[[float, Frame], None]]:
-    """Yield a function that writes a frame and its time in seconds to a new file, or nowhere if that is None.
+    """Yield a function that writes a frame with its time in s to a new file, or nowhere if `file` is None.
 
     It may be called on any thread, and never fails: `tell` is called with what goes wrong at once. It is raised as
     OSError at the end of the block, unless an error ends it. Raises LocalError for a format that python-can cannot
@@ -53,7 +53,7 @@ def recording(
     try:
         yield lines.write
     except KeyboardInterrupt:
-        if lines.failure is None:  # otherwise it is ours: `_try` has interrupted the program
+        if lines.failure is None:  # otherwise `_try` has interrupted the program
             raise
     finally:
         lines.end(finish)
@@ -62,17 +62,17 @@ def recording(
 
 
 def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Lines, Callable[[], object]]:
-    """Return the lines to write to, and what makes the log of them when they are complete."""
+    """Return the lines to write to, and the function that makes the log of them at the end."""
     from can.io.generic import TextIOMessageWriter
 
     if file.suffix.lower() == TABLE:
-        file.write_bytes(b"")  # to know at once whether it can be written
+        file.write_bytes(b"")  # fails at once if it cannot be written
     else:
         log = _writer(file)
         if isinstance(log, TextIOMessageWriter):
             return Lines(file, log, ends, tell), lambda: None
         with naming(file):
-            log.stop()  # it can be written: that is what had to be known before the end
+            log.stop()  # only checks that it can be written
     journal = file.with_name(f"{file.name}.log")
     return Lines(journal, _writer(journal), ends, tell), partial(_finish, file, journal)
 
@@ -90,7 +90,7 @@ def _writer(file: Path) -> MessageWriter:
 
 
 def _finish(file: Path, journal: Path) -> None:
-    """Make the log of its journal, which is then removed."""
+    """Make the log from its journal, and remove the journal."""
     import can
 
     from eurobot_od.traffic.formats.python_can import write_table
@@ -102,11 +102,11 @@ def _finish(file: Path, journal: Path) -> None:
             with naming(file), _writer(file) as log:
                 for message in messages:
                     log(message)
-    journal.unlink()  # last: until the log is whole, the journal is all there is
+    journal.unlink()  # last, once the log is complete
 
 
 class Lines:
-    """Writes frames to a `file` of lines, and keeps it on the disk; `failure` is what went wrong first.
+    """Writes frames to a `file` of lines and keeps it on disk; `failure` is the first error.
 
     `tell` is called with it; with `ends` the main thread is interrupted then.
     """
@@ -120,7 +120,7 @@ class Lines:
 
     @property
     def trouble(self) -> str:
-        """What went wrong, and with which file."""
+        """First error and its file, as text."""
         file = (self.failure and self.failure.filename) or self._file
         return f"{file}: {self.failure and (self.failure.strerror or self.failure)}"
 
@@ -130,15 +130,17 @@ class Lines:
 
         from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED
 
-        identifier, extended = frame.cob_id & HIGHEST_EXTENDED, frame.cob_id >= EXTENDED
-        length, data = len(frame.data), None if frame.is_remote else frame.data
+        identifier = frame.cob_id & HIGHEST_EXTENDED
+        extended = frame.cob_id >= EXTENDED
+        length = len(frame.data)
+        data = None if frame.is_remote else frame.data
         message = Message(time, identifier, extended, frame.is_remote, dlc=length, data=data)
         with self._lock:
             if self.failure is None and not self._over.is_set():
                 self._try(lambda: self._writer(message))
 
     def end(self, finish: Callable[[], object]) -> None:
-        """Close the file, and `finish` if all that was written is there."""
+        """Close the file, and call `finish` if everything was written."""
         self._over.set()
         self._thread.join()
         self._try(self._writer.stop)
@@ -150,7 +152,7 @@ class Lines:
             with self._lock:  # Python's text files are not safe for two threads at once
                 self._try(self._writer.file.flush)
             if self.failure is None and self._file.is_file():  # a pipe has no disk
-                # without the lock: a disk may take its time, and the bus does not wait for it
+                # without the lock, as a slow disk must not block the bus
                 self._try(lambda: os.fsync(self._writer.file.fileno()))
 
     def _try(self, step: Callable[[], object]) -> None:

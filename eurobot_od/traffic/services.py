@@ -28,7 +28,7 @@ from eurobot_od.traffic.entries import MASTER
 
 
 def object_words(dictionary: Dictionary | None, address: Address) -> str:
-    """Write an object with its name, if the device's file has it."""
+    """Format an object with its name, if the device's file has one."""
     index, subindex = address
     where = f"0x{index:04X}:{subindex:02X}"
     variable = dictionary.variable(address) if dictionary else None
@@ -36,7 +36,7 @@ def object_words(dictionary: Dictionary | None, address: Address) -> str:
 
 
 def value_of(dictionary: Dictionary | None, address: Address, octets: bytes) -> Value:
-    """Return a value by its object's type; the bytes if that is not known, or has another length."""
+    """Return a value by its object's type; the bytes if the type is unknown or the length is wrong."""
     variable = dictionary.variable(address) if dictionary else None
     try:
         return octets if variable is None else data_type(variable).read(octets)
@@ -45,7 +45,7 @@ def value_of(dictionary: Dictionary | None, address: Address, octets: bytes) -> 
 
 
 def value_words(dictionary: Dictionary | None, address: Address, octets: bytes) -> str:
-    """Write a value by its object's type; as bytes if that is not known, or has another length."""
+    """Format a value by its object's type; as bytes if the type is unknown or the length is wrong."""
     value = value_of(dictionary, address, octets)
     variable = dictionary.variable(address) if dictionary and value is not octets else None
     if variable is None or isinstance(value, bytes):
@@ -58,7 +58,7 @@ READ, WRITE = "read", "write"
 
 
 class SdoCommand(NamedTuple):
-    """A kind of SDO frame: its words, what its transfer does, READ or WRITE, and whether it names the object."""
+    """A kind of SDO frame: its text, READ or WRITE, and whether it names the object."""
 
     words: str | Callable[[bytes], str]
     direction: str
@@ -66,7 +66,8 @@ class SdoCommand(NamedTuple):
 
 
 def _segment(data: bytes) -> str:
-    return f"segment of {len(wire.part_in(data))} bytes" + ", the last" * (data[0] & wire.LAST)
+    last = ", the last" if data[0] & wire.LAST else ""
+    return f"segment of {len(wire.part_in(data))} bytes{last}"
 
 
 def _acknowledged(data: bytes) -> str:
@@ -98,17 +99,17 @@ COMMANDS: tuple[Mapping[tuple[int, int], SdoCommand], ...] = (
         (ServerCommand.BLOCK_UPLOAD, Block.END): SdoCommand("end of blocks", READ),
     },
 )
-"""The requests, and the answers, by command specifier and sub-command; aborts are alike from both ends."""
+"""Requests and answers by command specifier and sub-command, without aborts."""
 
 
 def command_of(is_answer: bool, data: bytes) -> tuple[int, int]:
-    """Return the command specifier of a request or an answer, and its sub-command, 0 without any."""
+    """Return the command specifier of a request or answer, and its sub-command (0 without one)."""
     masks = wire.ANSWER_SUB_COMMAND if is_answer else wire.REQUEST_SUB_COMMAND
     return data[0] >> 5, data[0] & masks.get(data[0] >> 5, 0)
 
 
 class SdoEnd(NamedTuple):
-    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests.
+    """An end of an SDO channel, by the identifier it sends; `channel` is the identifier of requests.
 
     `server` is the node-ID of the one with the objects.
     """
@@ -119,15 +120,15 @@ class SdoEnd(NamedTuple):
     server: int
 
     def command(self, data: bytes) -> SdoCommand | None:
-        """Return what a frame is; None for an abort, and for a command that CiA 301 does not have."""
+        """Return the kind of a frame, None for an abort or an undefined command."""
         return COMMANDS[self.is_answer].get(command_of(self.is_answer, data))
 
     def is_in_blocks(self, data: bytes) -> bool:
-        """Return whether a frame is of a block transfer."""
+        """Return whether a frame belongs to a block transfer."""
         return data[0] >> 5 in (wire.ANSWER_SUB_COMMAND if self.is_answer else wire.REQUEST_SUB_COMMAND)
 
     def content(self, direction: str, data: bytes) -> tuple[bytes | None, int | None]:
-        """Return the content of the object that a frame names, and its size, as far as they are in the frame."""
+        """Return the content and size of the object that a frame names, as far as the frame has them."""
         initiate = Initiate.of(data)
         if self.is_answer is not (direction == READ):  # the other end has the content
             return None, None
@@ -139,7 +140,7 @@ class SdoEnd(NamedTuple):
 
 
 def sdo_words(end: SdoEnd, data: bytes) -> str:
-    """Say what an SDO frame asks or answers."""
+    """Format an SDO frame."""
     initiate, command = Initiate.of(data), end.command(data)
     is_abort = data[0] >> 5 == ClientCommand.ABORT
     if command is None and not is_abort:
@@ -150,7 +151,7 @@ def sdo_words(end: SdoEnd, data: bytes) -> str:
     if command is None:
         return f"abort {named}: {wire.code_and_reason(initiate.number)}"
     content, size = end.content(command.direction, data)
-    said = f"{command.words} {named}{' in blocks' * end.is_in_blocks(data)}"
+    said = f"{command.words} {named}{' in blocks' if end.is_in_blocks(data) else ''}"
     if content is not None:
         return f"{said} = {value_words(end.dictionary, initiate.address, content)}"
     return said if size is None else f"{said}, {size} bytes"
@@ -160,59 +161,61 @@ def sdo_words(end: SdoEnd, data: bytes) -> str:
 
 
 def nmt_words(names: Mapping[int, str], data: bytes) -> str:
-    """Say which NMT command goes to which node (CiA 301, 7.2.8.3.1)."""
+    """Format an NMT command and its node (CiA 301, 7.2.8.3.1)."""
     command, node_id = data
     name = COMMAND_NAMES.get(command, f"command {command}")
     return f"{name}, {'all nodes' if node_id == ALL_NODES else names.get(node_id, f'node {node_id}')}"
 
 
 def heartbeat_words(data: bytes) -> str:
-    """Say a node's state; a boot-up message is a heartbeat of state 0 (CiA 301, 7.2.8.3.2.2, 7.2.8.3.3)."""
+    """Format a node's state; a boot-up message has state 0 (CiA 301, 7.2.8.3.2.2, 7.2.8.3.3)."""
     return STATE_NAMES.get(data[0], f"state {data[0]}")
 
 
 def guarding_words(data: bytes) -> str:
-    """Say what a node answers to a guarding master (CiA 301, 7.2.8.3.2.1)."""
+    """Format an answer to node guarding (CiA 301, 7.2.8.3.2.1)."""
     state = data[0] & ~TOGGLE
     return f"{STATE_NAMES.get(state, f'state {state}')}, toggle {data[0] // TOGGLE}"
 
 
 def sync_words(data: bytes) -> str:
-    """Say the counter, if there is one (CiA 301, 7.2.5.3)."""
+    """Format the counter, if there is one (CiA 301, 7.2.5.3)."""
     return f"counter {data[0]}" if data else ""
 
 
 def time_words(data: bytes) -> str:
-    """Say date and time; milliseconds beyond a day are not a time (CiA 301, 7.2.6.3)."""
+    """Format date and time; milliseconds beyond a day are invalid (CiA 301, 7.2.6.3)."""
     # The four highest bits of the milliseconds are reserved (CiA 301, 7.1.6.6).
     said = time_text(data[:3] + bytes([data[3] & 0x0F]) + data[4:6], is_moment=True)
     return said if isinstance(said, str) else f"no time: {data.hex(' ')}"
 
 
 def emcy_words(words: Callable[[int], str], data: bytes) -> str:
-    """Say error code, error register and the manufacturer's bytes (CiA 301, 7.2.7.3.1)."""
-    code, register, info = int.from_bytes(data[:2], "little"), data[2], data[3:].hex(" ")
+    """Format error code, error register and the manufacturer's bytes (CiA 301, 7.2.7.3.1)."""
+    code = int.from_bytes(data[:2], "little")
+    register = data[2]
+    info = data[3:].hex(" ")
     return f"0x{code:04X} {words(code)}, register 0x{register:02X}, {info}"
 
 
 def plain(data: bytes) -> str:
-    """Write bytes of which no file says more."""
+    """Format bytes that no EDS describes."""
     return data.hex(" ")
 
 
 def inverted(data: bytes) -> str:
-    """Write the second frame of an SRDO as the first one, whose bits it has inverted (CiA 304)."""
+    """Format the second frame of an SRDO, whose bits are inverted (CiA 304)."""
     return f"inverted {bytes(each ^ 0xFF for each in data).hex(' ')}"
 
 
 def active_master(names: Mapping[int, str], data: bytes) -> str:
-    """Say who is the active master (CiA 302-2)."""
+    """Format the announcement of the active master (CiA 302-2)."""
     priority, node_id = data
     return f"the active master is {names.get(node_id, f'node {node_id}')}, priority {priority}"
 
 
 def said_plainly(what: str) -> Callable[[bytes], str]:
-    """Return the words for a service that says nothing but that it is there; with its data, if it has some."""
+    """Return a formatter for services whose frames normally carry no data."""
     return lambda data: f"{what}, {data.hex(' ')}" if data else what
 
 
@@ -261,7 +264,7 @@ LssWords: TypeAlias = Mapping[int, Callable[[bytes], str]]
 
 
 def _of_identity(what: str, first: Lss, parts: Iterable[str], with_number: bool = True) -> LssWords:
-    """Return the words of the commands for each part of an identity, which has their numbers from the first one on."""
+    """Return the formatters of the commands for each part of an identity, from the first one on."""
 
     def words(part: str, data: bytes) -> str:
         return f"{what} {part} {_number(data)}".lstrip() if with_number else f"{what} {part}"
@@ -294,19 +297,19 @@ LSS_ANSWERS: LssWords = {
 
 
 def lss_words(what: str, known: LssWords, data: bytes) -> str:
-    """Say what a master asks, or a device answers."""
+    """Format an LSS request or answer."""
     words = known.get(data[0])
     return words(data) if words else f"{what} 0x{data[0]:02X}, {data[1:].hex(' ')}"
 
 
-# The same as data: the fields of a service by their names
+# Fields of services by name
 
 Fields: TypeAlias = dict[str, Any]
-"""What a frame says: numbers, texts, bytes; what it does not say is not in it."""
+"""Fields of a frame: numbers, texts, bytes; absent ones are left out."""
 
 
 def content_fields(dictionary: Dictionary | None, address: Address, octets: bytes) -> Fields:
-    """Return an object's content as data, and its value if that is known and something else than bytes."""
+    """Return an object's content as fields, with its value unless that is only bytes."""
     value = value_of(dictionary, address, octets)
     known: Fields = {} if isinstance(value, bytes) else {"value": value}
     variable = dictionary.variable(address) if dictionary and isinstance(value, (int, float)) else None
@@ -318,12 +321,12 @@ def content_fields(dictionary: Dictionary | None, address: Address, octets: byte
 
 
 def abort_fields(code: int) -> Fields:
-    """Return an abort code as data."""
+    """Return an abort code as fields."""
     return {"abort": code, "abort_name": wire.reason(code)}
 
 
 def sdo_fields(end: SdoEnd, data: bytes) -> Fields:
-    """Return what an SDO frame says by itself: the node, and the object with its value if it names one."""
+    """Return the fields of an SDO frame: the node, and the object with its value if it names one."""
     initiate, command = Initiate.of(data), end.command(data)
     said: Fields = {"node": end.server}
     named = {"index": initiate.address[0], "subindex": initiate.address[1]}
@@ -339,18 +342,18 @@ def sdo_fields(end: SdoEnd, data: bytes) -> Fields:
 
 
 def emcy_fields(words: Callable[[int], str], node_id: int, data: bytes) -> Fields:
-    """Return what an emergency says."""
+    """Return the fields of an emergency."""
     code = int.from_bytes(data[:2], "little")
     return {"node": node_id, "code": code, "register": data[2], "words": words(code), "info": data[3:]}
 
 
 def heartbeat_fields(node_id: int, data: bytes) -> Fields:
-    """Return a node's state; the highest bit is not a part of it, whether a master guards the node or not."""
+    """Return a node's state as fields, without the toggle bit of node guarding."""
     return {"node": node_id, "state": heartbeat_words(bytes([data[0] & ~TOGGLE]))}
 
 
 def nmt_fields(data: bytes) -> Fields:
-    """Return a command and the node that it is for, 0 for all."""
+    """Return a command and its node (0 for all) as fields."""
     return {"node": data[1], "command": COMMAND_NAMES.get(data[0], f"command {data[0]}")}
 
 
@@ -358,25 +361,25 @@ NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME = "NMT", "GFC", "Flying master", "
 EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS = "EMCY", "SRDO", "SDO", "Heartbeat", "Node guarding", "LSS"
 
 NAMES = (NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME, EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS)
-"""The names of all services."""
+"""Names of all services."""
 
 FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT, LSS)
-"""The services whose frames are understood by the ones before."""
+"""Services whose frames depend on earlier ones."""
 
 NO_WORDS = ErrorWords({}, {}, {})
-"""No words but those of CiA 301."""
+"""Only the words of CiA 301."""
 
 ANY_LENGTH: tuple[int, ...] = ()
 
 TIME_LENGTHS = (6, 8)
-"""Bytes of TIME: 6 (CiA 301, 7.2.6.3); some devices fill its frame up with two more."""
+"""Lengths of TIME in bytes: 6 (CiA 301, 7.2.6.3), or 8 as some devices pad it."""
 
 SENT = 1
-"""The direction of an SRDO that its device sends (CiA 304); 2: it receives it."""
+"""Direction of an SRDO that its device sends (CiA 304); 2 is received."""
 
 
 class CanopenService(NamedTuple):
-    """What an identifier is for: the service's name, its node, the frame's `lengths` (none: any), and its words.
+    """Service of an identifier: its name, node, `lengths` of frames (none: any), and formatter.
 
     `sender` is who sends it; empty if that cannot be known. `fields` returns what a frame says as data.
     """
@@ -391,12 +394,12 @@ class CanopenService(NamedTuple):
 
     @property
     def expected(self) -> str:
-        """The lengths in words."""
+        """Lengths as text."""
         return " or ".join(map(str, self.lengths))
 
 
 class KnownNode(NamedTuple):
-    """What is known of the node that a frame is from or for: its name, and its dictionary if there is one."""
+    """A node that a frame is from or for: its name, and its dictionary if there is one."""
 
     node_id: int
     name: str
@@ -404,7 +407,7 @@ class KnownNode(NamedTuple):
 
     @classmethod
     def unnamed(cls, node_id: int, profile: int = 0) -> KnownNode:
-        """Return a node without a file, which has the objects of its `profile`; 0: that is not known."""
+        """Return a node without a file, with the objects of its `profile` (0: unknown)."""
         return cls(node_id, f"node {node_id}", dictionary_of(profile))
 
 
@@ -417,7 +420,7 @@ def services(
     master: str = MASTER,
     learned: Iterable[Dictionary] = (),
 ) -> Services:
-    """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
+    """Return the services by identifier: the predefined ones of all node-IDs, then those of the EDS files.
 
     `errors` are the words for the devices' emergency error codes; they know their profiles, by which objects of devices
     without files have names. `master` is the name of who leads the network. What is `learned` of devices without files
@@ -429,7 +432,8 @@ def services(
     for node_id in values.NODE_IDS:
         node = known.get(node_id) or KnownNode.unnamed(node_id, errors.profiles.get(node_id, 0))
         said = errors.of(node_id)
-        words, fields = partial(emcy_words, said), partial(emcy_fields, said, node_id)
+        words = partial(emcy_words, said)
+        fields = partial(emcy_fields, said, node_id)
         emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), words, node.name, fields=fields)
         found[values.EMCY_BASE + node_id] = emcy[node_id]
         found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id, master)
@@ -437,9 +441,9 @@ def services(
         state = CanopenService(HEARTBEAT, node.name, (1,), heartbeat_words, node.name, fields=fields)
         found[values.ERROR_CONTROL_BASE + node_id] = state
     devices = [*(each.dictionary for each in known.values() if each.dictionary), *learned]
-    for device in devices:  # after the predefined ones: what a node's file says is what it does
+    for device in devices:  # after the predefined ones, as a node's file takes precedence
         found |= _moved(device, found, emcy[device.node_id]) | _safety(device)
-    for device in devices:  # after all have said where SYNC and TIME are: a producer names itself
+    for device in devices:  # after all COB-IDs of SYNC and TIME are known
         found |= _produced(device, found)
         for server, client, request, answer in sdo_channels(device):
             asks = known.get(client, KnownNode.unnamed(client)).name if client else master
@@ -449,7 +453,7 @@ def services(
 
 
 def _broadcast(names: Mapping[int, str], master: str) -> Services:
-    """Return the services that belong to no node."""
+    """Return the services without a node."""
     return {
         values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(nmt_words, names), master, fields=nmt_fields),
         0x001: CanopenService(GFC, "", (0,), said_plainly("all devices into their safe state")),
@@ -477,11 +481,11 @@ def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
 
 
 def _moved(dictionary: Dictionary, predefined: Services, emcy: CanopenService) -> Services:
-    """Return what a file says is under another identifier than the predefined one."""
+    """Return the services whose COB-ID the file moves from the default."""
     sync, time = predefined[values.SYNC_COB_ID], predefined[values.TIME_COB_ID]
     entries = {standard.SYNC: sync, standard.TIME: time, standard.EMCY: emcy}
     found = {address: dictionary.number(address) for address in entries}
-    # The highest bit says "not valid" of EMCY only: of TIME it is "consumed", and of SYNC it means nothing.
+    # The highest bit means "not valid" only for EMCY; for TIME it is "consumed", for SYNC it has no meaning.
     return {
         values.identifier(entry): entries[address]
         for address, entry in found.items()
@@ -490,14 +494,16 @@ def _moved(dictionary: Dictionary, predefined: Services, emcy: CanopenService) -
 
 
 def _produced(dictionary: Dictionary, known: Services) -> Services:
-    """Return what a device sends itself, and not the master: SYNC and TIME, if its file says that it produces them."""
+    """Return SYNC and TIME if the device's file makes it their producer."""
     entries = (dictionary.number(each) or 0 for each in (standard.SYNC, standard.TIME))
-    produced = [values.identifier(entry) for entry in entries if entry & standard.SYNC_PRODUCER]  # of TIME the same bit
+    produced = [
+        values.identifier(entry) for entry in entries if entry & standard.SYNC_PRODUCER
+    ]  # the same bit for TIME
     return {cob_id: known[cob_id]._replace(sender=dictionary.name) for cob_id in produced}
 
 
 def _safety(dictionary: Dictionary) -> Services:
-    """Return the safety-relevant data objects of a device: its data, and the same with all bits inverted (CiA 304)."""
+    """Return the SRDOs of a device: data, and the same with inverted bits (CiA 304)."""
     found = {}
     for index in (each for each in standard.SRDOS if each in dictionary.members):
         if direction := dictionary.number((index, standard.SRDO_DIRECTION)):  # 0: it is not valid

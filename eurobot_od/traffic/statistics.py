@@ -1,4 +1,4 @@
-"""What was seen on a bus, compared with what is promised: load, gaps, jitter, and response times with their bounds.
+"""Statistics of a bus: load, gaps, jitter and response times, beside their promised bounds.
 
 There is no clock in here: frames go in with their times. Memory grows with the identifiers, not with the frames.
 """
@@ -26,12 +26,12 @@ from eurobot_od.traffic.services import HEARTBEAT, SDO
 NOTHING = MessageSet(())
 
 MANY = 1 << 13
-"""Frames of a message whose bits are counted together."""
+"""Number of frames of a message whose bits are counted together."""
 
 
 @dataclass
 class SeenMessage:
-    """The frames of one identifier: how many, their bits with stuff bits, and the gaps between them, s.
+    """Frames of one identifier: their number, their bits with stuff bits, and the gaps between them in s.
 
     `period` is the promised one and `bound` that of its response time, s; None if they are not known. `answered` is the
     longest time from the end of the latest request to the end of its answer. A gap that is negative is not one: of
@@ -54,13 +54,13 @@ class SeenMessage:
 
     @property
     def bits(self) -> int:
-        """The bits of all its frames."""
+        """Bits of all its frames."""
         self._bits += bits_together(self.identifier, self._data)
         self._data.clear()
         return self._bits
 
     def take(self, times: Sequence[float], bits: int, data: Sequence[bytes]) -> None:
-        """Count frames that ended at these times, and took so many bits besides those that `data` take."""
+        """Count frames that ended at these times, with `bits` in addition to those of `data`."""
         self._data += data
         if len(self._data) >= MANY:
             self._bits = self.bits
@@ -72,18 +72,20 @@ class SeenMessage:
         if gaps:
             self.shortest = min(gaps) if self.shortest is None else min(self.shortest, *gaps)
             self.longest = max(gaps) if self.longest is None else max(self.longest, *gaps)
-        self.count, self._bits, self.last = self.count + len(times), self._bits + bits, times[-1]
+        self.count = self.count + len(times)
+        self._bits = self._bits + bits
+        self.last = times[-1]
 
     @property
     def jitter(self) -> float | None:
-        """How far a gap was from the promised period at most, s; None without a gap or a promise."""
+        """Maximum deviation of a gap from the promised period, in s; None without a gap or a promise."""
         if self.period is None or self.shortest is None or self.longest is None:
             return None
         return max(abs(self.longest - self.period), abs(self.shortest - self.period))
 
 
 class SeenTraffic:
-    """What was seen on a bus of `bit_rate` bit/s; `promised` what should be, by identifier, and its `answers`.
+    """Traffic on a bus of `bit_rate` bit/s, and `promised` bounds and `answers` by identifier.
 
     `messages` are by identifier and whether they are remote frames: those have another sender. `asking` are the
     identifiers of messages that answer others, and of those.
@@ -106,7 +108,7 @@ class SeenTraffic:
         self.end = float("-inf")
 
     def take(self, time: float, frame: Frame, name: str, node: str) -> int:
-        """Count a frame that ended at a time in s, of a message of `node`; return how many bits it took."""
+        """Count a frame of `node` that ended at a time in s; return its bits."""
         bits = frame_bits(frame)
         self.take_all(frame.cob_id, [time], name, node, bits, is_remote=frame.is_remote)
         if not frame.is_remote and frame.cob_id in self.asking:
@@ -123,7 +125,7 @@ class SeenTraffic:
         data: Sequence[bytes] = (),
         is_remote: bool = False,
     ) -> None:
-        """Count frames with one identifier in their order, by their `bits` or their data; not who answers whom."""
+        """Count frames of one identifier in order, by their `bits` or data, but not as answers."""
         key = identifier, is_remote
         seen = self.messages.get(key)
         if seen is None:
@@ -131,15 +133,17 @@ class SeenTraffic:
             seen = self.messages[key] = SeenMessage(identifier, name, row.message.node if row else node)
             if row is not None:
                 seen.period = row.message.period / MICROSECONDS
-                # Of an answer only: when another message fell due, its frame does not say.
+                # Only for answers, as other frames do not show when they fell due.
                 seen.bound = row.response / MICROSECONDS if row.message.answers and row.response is not None else None
         seen.take(times, bits, data)
         self.begin = min(times) if self.begin is None else min(self.begin, *times)
         self.end = max(self.end, *times)
 
     def take_asked(self, frames: Iterable[tuple[float, int]]) -> None:
-        """Take in, in their order, when frames of `asking` ended, after they were counted, and their identifiers."""
-        asked, answers, longest = self._asked, self.answers, dict[int, float]()
+        """Process the end times and identifiers of counted frames of `asking`, in order."""
+        asked = self._asked
+        answers = self.answers
+        longest = dict[int, float]()
         for time, identifier in frames:
             if identifier in asked:
                 took = time - asked.pop(identifier)
@@ -162,7 +166,7 @@ HEADINGS = ("ID", "message", "from", "count", "load", "worst gap", "period", "ji
 
 
 def table(seen: SeenTraffic) -> Iterator[str]:
-    """Write a line for each message, times in ms, and the load of each node and of all."""
+    """Yield a line for each message, with times in ms, and the load of each node and of all."""
     messages = sorted(seen.messages.values(), key=lambda each: each.identifier)
     lines: list[tuple[str, ...]] = [HEADINGS]
     for each in messages:
@@ -182,18 +186,18 @@ def table(seen: SeenTraffic) -> Iterator[str]:
 
 
 def tables(buses: Mapping[str, SeenTraffic]) -> Iterator[str]:
-    """Write the table of each bus, with its channel above where there are several."""
+    """Yield the table of each bus, under its channel if there are several."""
     for channel, seen in sorted(buses.items()):
         if len(buses) > 1:
             yield one_line(f"{channel}:")
         yield from table(seen)
 
 
-# As a form of output: no lines of entries, but after each log a table of its traffic
+# Output format with a table of the traffic after each log, and no lines of entries
 
 
 class CountedRow(NamedTuple):
-    """What is counted of a frame: the message's name, who sends it, the transfer that it ends."""
+    """What is counted of a frame: the message's name, its sender, and the transfer that it ends."""
 
     name: str
     sender: str
@@ -201,7 +205,7 @@ class CountedRow(NamedTuple):
 
 
 class TrafficOutput(Output):
-    """Load, gaps, jitter and response times of each bus in a log, at `bit_rate` in bit/s, beside what is `promised`.
+    """Load, gaps, jitter and response times of each bus in a log, at `bit_rate` in bit/s, beside the promised ones.
 
     With `several` logs the name of the log is above its tables, with several buses the channel above each.
     """
@@ -215,23 +219,28 @@ class TrafficOutput(Output):
         return counted if isinstance(meaning.raw, Frame) or meaning.raw.damage is Damage.FD else None
 
     def rows_of(self, binding: Binding) -> Rows:
-        row, texts_of = CountedRow(binding.name, next(iter(binding.senders), "")), self._text.rows_of(binding)
+        row = CountedRow(binding.name, next(iter(binding.senders), ""))
+        texts_of = self._text.rows_of(binding)
 
         def rows(data: Sequence[bytes]) -> Sequence[CountedRow | None]:
-            texts = texts_of(data)  # that is how it is known which of them are in order
-            return [None if text is None else row for text in texts] if None in texts else [row] * len(data)
+            texts = texts_of(data)  # None for frames with defects
+            if None not in texts:
+                return [row] * len(data)
+            return [None if text is None else row for text in texts]
 
         return rows
 
     def writer(self, log: str) -> Write:
         self._heading = [one_line(f"{log}:")] if self._several else []
         self._seen: dict[str, SeenTraffic] = {}
-        self._transfers, self._fd = TransferCounts(), Counter[str]()
+        self._transfers = TransferCounts()
+        self._fd = Counter[str]()
 
         def write(batch: Batch, rows: Sequence[CountedRow | None], clock: Clock) -> str:
             times = list(batch.times if clock is float else map(clock, batch.times))
             is_whole = batch.is_of_one_channel and None not in rows and None not in times
-            for channel in batch.channels[:1] if is_whole else dict.fromkeys(batch.channels):
+            channels = batch.channels[:1] if is_whole else list(dict.fromkeys(batch.channels))
+            for channel in channels:
                 places: Sequence[int] = range(len(rows))
                 if not is_whole:
                     wanted = zip(places, batch.channels, rows, times)
@@ -244,12 +253,13 @@ class TrafficOutput(Output):
     def _take(
         self, batch: Batch, channel: str, groups: Mapping[int | Raw, list[int]], rows: Sequence[Any], times: list[Any]
     ) -> None:
-        """Count the frames of a channel, by what is in the batch at the same places."""
+        """Count the frames of a channel, with the rows and times at the same places of the batch."""
         seen = self._seen.get(channel)
         if seen is None:
             seen = self._seen[channel] = SeenTraffic(self._bit_rate, self._promised)
         for head, places in groups.items():
-            ended, first = [times[place] for place in places], rows[places[0]]
+            ended = [times[place] for place in places]
+            first = rows[places[0]]
             if isinstance(head, int):
                 seen.take_all(head, ended, first.name, first.sender, data=[batch.data[place] for place in places])
             elif isinstance(head, Frame):
@@ -269,7 +279,7 @@ class TrafficOutput(Output):
 
     def footer(self) -> str:
         buses = self._seen or {"": SeenTraffic(self._bit_rate, self._promised)}
-        # How long a frame of CAN FD took, its own bit rate would say, which no log has.
+        # The duration of a CAN FD frame depends on its own bit rate, which no log has.
         names = ", ".join(f"{number} x {name}" for name, number in sorted(self._fd.items()))
         others = [one_line(f"not in the load, CAN FD: {names}")] if names else []
         lines = (*self._heading, *tables(buses), *others, *self._transfers.report())
@@ -277,7 +287,7 @@ class TrafficOutput(Output):
 
 
 class TransferCounts:
-    """Counts SDO transfers: which way, how, how they ended, how much and how long."""
+    """Counts of SDO transfers by direction, kind and end, with sizes and durations."""
 
     def __init__(self) -> None:
         self._ways: Counter[str] = Counter()
@@ -300,7 +310,7 @@ class TransferCounts:
                 self._longest = transfer
 
     def report(self) -> Iterator[str]:
-        """Yield the lines of a report; none if there was no transfer."""
+        """Yield the lines of a report, none without a transfer."""
         if not self._ways:
             return
         ways = ", ".join(amount(number, way) for way, number in sorted(self._ways.items()))

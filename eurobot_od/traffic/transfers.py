@@ -1,4 +1,4 @@
-"""SDO transfers put together from their frames: segments, blocks, aborts, what a log lacks of them (CiA 301, 7.2.4).
+"""Reassembles SDO transfers from frames: segments, blocks, aborts, and missing frames (CiA 301, 7.2.4).
 
 Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the frame that
 ends it says object, value, size, time and CRC. In the middle of a block only the frames before it tell a segment
@@ -30,26 +30,26 @@ from eurobot_od.traffic.meaning import SdoTransfer
 from eurobot_od.traffic.services import READ, SdoEnd, command_of, object_words, value_words
 
 KEPT = 4096
-"""Bytes of a content that are kept for its value; of a longer one only size and CRC are said."""
+"""Maximum size of a content kept for its value, in bytes; longer ones have only size and CRC."""
 
 LONGEST_VALUE = 100
-"""Most characters of a value in a line."""
+"""Maximum number of characters of a value in a line."""
 
 SKIPPED = "a segment before this one is not in the log"
-"""What a wrong toggle bit says."""
+"""Text for a wrong toggle bit."""
 
 ONE_WAY = {
     False: "no answers in this log: settings are as the files say, but for those that are written in it",
     True: "no requests in this log: of what was written nobody knows what it was",
 }
-"""What a log says of SDO if it has only requests, or only answers."""
+"""Notes on a log with only SDO requests (False) or only answers (True)."""
 
 SILENCE = 1.0
-"""Seconds after which a segment with an unexpected number is not a segment."""
+"""Silence after which a segment with an unexpected number does not count as one, in s."""
 
 
 class How(Enum):
-    """How a transfer goes; the value is the word for it."""
+    """Kinds of transfers, with their words."""
 
     EXPEDITED = "expedited"
     SEGMENTED = "segmented"
@@ -57,7 +57,7 @@ class How(Enum):
 
 
 class Said(NamedTuple):
-    """What a frame says in its transfer.
+    """What a frame adds to its transfer.
 
     `text` stands in place of its own words, `more` behind them; `lost` is what the log lacks. `ended` is a transfer
     that ends here. `unseen` is an object whose write is confirmed here, and the log does not have the request.
@@ -75,7 +75,7 @@ NOTHING = Said()
 
 @dataclass
 class Running:
-    """A transfer that goes on: what came of it, up to the last frame.
+    """A transfer in progress.
 
     `end` is that of its requests; `taken` are the segments of the present block, `tail` the last segment that was
     acknowledged, whose unused bytes only the end of the transfer tells; a block has at most `longest`, the last one was
@@ -105,13 +105,16 @@ class Running:
 
     @classmethod
     def begun(cls, end: SdoEnd, direction: str, time: float, data: bytes) -> Running:
-        """Return the transfer that a request begins."""
-        initiate, is_upload = Initiate.of(data), direction == READ
+        """Return the transfer that a request starts."""
+        initiate = Initiate.of(data)
+        is_upload = direction == READ
         running = cls(end, initiate.address, is_upload, time)
-        # A client that reads does not know the size: the server says it in its answer (CiA 301, 7.2.4.3.12).
+        # The size of a read comes with the server's answer (CiA 301, 7.2.4.3.12).
         content, running.announced = end.content(direction, data)
         if end.is_in_blocks(data):
-            running.how, running.heard, running.has_crc = How.BLOCKS, time, bool(data[0] & wire.BLOCK_CRC)
+            running.how = How.BLOCKS
+            running.heard = time
+            running.has_crc = bool(data[0] & wire.BLOCK_CRC)
             running.longest = data[4] if is_upload and data[4] else wire.BLOCK_SEGMENTS
         elif content is not None:
             running.announced = None
@@ -121,13 +124,13 @@ class Running:
         return running
 
     def add(self, part: bytes) -> None:
-        """Take in a part of the content."""
+        """Add a part of the content."""
         self.content += part[: max(0, KEPT - self.size)]
         self.size += len(part)
         self.crc = crc_hqx(part, self.crc)
 
     def words(self, what: str, time: float) -> str:
-        """Say what was done to the object, with value, size and time."""
+        """Format the transfer with object, value, size and time."""
         value = ""
         if self.address is not None and self.size <= KEPT and not self.lost:
             value = shortened(value_words(self.end.dictionary, self.address, bytes(self.content)), LONGEST_VALUE)
@@ -136,25 +139,26 @@ class Running:
 
     @property
     def object(self) -> str:
-        """The object with its name."""
+        """Object with its name."""
         return "an object" if self.address is None else object_words(self.end.dictionary, self.address)
 
     @property
     def missing(self) -> str:
-        """What the log lacks of it, in words."""
+        """Text on what the log lacks of the transfer."""
         if self.address is None:
             return "its beginning is not in the log"
         return f"{amount(self.lost, 'segment')} of it not in the log" if self.lost else ""
 
     def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
-        """Return what the transfer was, for the count of all."""
-        seconds, kept = time - self.began, is_whole and aborted is None and not self.lost and self.size <= KEPT
+        """Return the finished transfer, for statistics."""
+        seconds = time - self.began
+        kept = is_whole and aborted is None and not self.lost and self.size <= KEPT
         way = self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
         return SdoTransfer(*way, self.end, self.address, bytes(self.content) if kept else None)
 
     @property
     def broken(self) -> str:
-        """Say that it did not end, and how much of it came."""
+        """Text on a transfer without an end, with the size received."""
         came = amount(self.size if self.announced is None else self.announced, "byte")
         came = came if self.announced is None else f"{self.size} of {came}"
         variable = self.end.dictionary.variable(self.address) if self.end.dictionary and self.address else None
@@ -164,57 +168,59 @@ class Running:
         return f"the {'read' if self.is_upload else 'write'} of {self.object} before did not end; {came} came{has}"
 
     def is_left(self, end: SdoEnd, time: float, data: bytes) -> bool:
-        """Return whether a frame in a block cannot be of that block: who sent it has left the transfer."""
+        """Return whether a frame amid a block shows that its sender abandoned the transfer."""
         if end.is_answer is not self.is_upload:
             return data[0] >> 5 != ServerCommand.BLOCK_DOWNLOAD  # the same number as the client's BLOCK_UPLOAD
         number = data[0] & ~BLOCK_LAST
         return not 0 < number <= self.longest or (number > self.expected and time - self.heard > SILENCE)
 
     def forget(self, data: bytes) -> None:
-        """Take back a segment that has turned out to be a request."""
+        """Remove a segment that turned out to be a request."""
         if self.taken.get(number := data[0] & ~BLOCK_LAST) == data[1:]:
             del self.taken[number]
 
     def take_segment(self, time: float, data: bytes) -> Said:
-        """Take in a segment of a block."""
-        number, part, self.heard = data[0] & ~BLOCK_LAST, data[1:], time
-        if number < self.expected:  # a next block; the acknowledgement between is not in the log
+        """Process a segment of a block."""
+        number = data[0] & ~BLOCK_LAST
+        part = data[1:]
+        self.heard = time
+        if number < self.expected:  # another block, whose acknowledgement is not in the log
             self.take_over()
         self.taken[number] = part
         self.expected = number + 1
         self.is_last = bool(data[0] & BLOCK_LAST)
-        return Said(text=f"block segment {number}{', the last' * self.is_last}")
+        return Said(text=f"block segment {number}{', the last' if self.is_last else ''}")
 
     def take_over(self) -> None:
-        """Take over the segments of a block that nobody is seen to acknowledge."""
+        """Append the segments of a block whose acknowledgement is missing."""
         for number in sorted(self.taken):
-            # One segment behind: only the end of the transfer tells how much of the last one counts.
+            # One segment late, as only the end of the transfer gives the length of the last one.
             self.add(self.tail)
             self.tail = self.taken[number]
         self.taken.clear()
 
     def take_rest(self) -> None:
-        """Take over what came of a transfer that is given up, as far as it was announced."""
+        """Append the received segments of an abandoned transfer, up to its announced size."""
         self.take_over()
         left = SEGMENT_SIZE if self.announced is None else self.announced - self.size
         self.add(self.tail[: max(0, left)])
         self.tail = b""
 
     def count_lost(self) -> None:
-        """Count the segments that the size announced says are missing, when all that came was taken over."""
+        """Count missing segments by the announced size, after all received ones were appended."""
         if self.announced is not None and self.size < self.announced and not self.lost:
-            # Rounded up: the last segment may have fewer bytes than the others.
+            # Rounded up, as the last segment may be shorter.
             self.lost = -(-(self.announced - self.size) // SEGMENT_SIZE)
 
     def ends_with(self, end: SdoEnd, data: bytes) -> bool:
-        """Return whether this is the end, which follows a last segment; a block never begins like it."""
+        """Return whether a frame is the end, after the last segment; no block segment looks like it."""
         command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
         is_possible = self.is_last or not self.taken
         ends = data[0] >> 5 == command and bool(data[0] & Block.END)
         return is_possible and ends and end.is_answer is self.is_upload
 
     def compare(self, crc: int) -> str:
-        """Say whether the CRC at the end of the blocks is that of the content."""
+        """Return text on the comparison of the final CRC with that of the content."""
         if not self.has_crc:
             return "no CRC"
         if self.missing:
@@ -227,21 +233,22 @@ def _took(running: Running, time: float) -> str:
 
 
 SdoStep: TypeAlias = "Callable[[Transfers, tuple[str, int], Running, float, bytes], Said]"
-"""What a frame does in its transfer."""
+"""Processes a frame of a transfer."""
 
 
 class Transfers:
-    """The transfers on all buses of a log, by channel of the log and of the SDO."""
+    """Transfers on all buses of a log, by channel of the log and of SDO."""
 
     def __init__(self) -> None:
         self._running: dict[tuple[str, int], Running] = {}
         self._before: dict[tuple[str, int], tuple[bool, bytes]] = {}
 
     def take(self, time: float, channel: str, end: SdoEnd, data: bytes) -> Said:
-        """Take in an SDO frame of 8 bytes, and return what it says in its transfer."""
+        """Process an SDO frame of 8 bytes, and return what it adds to its transfer."""
         key = channel, end.channel
         running = self._running.get(key)
-        before, self._before[key] = self._before.get(key), (end.is_answer, data)
+        before = self._before.get(key)
+        self._before[key] = (end.is_answer, data)
         if before and before[0] is end.is_answer and (running is None or running.how is not How.BLOCKS):
             running = self._begun_before(key, end, time, before[1], data) or running
         if data[0] == wire.ABORT:
@@ -256,7 +263,8 @@ class Transfers:
         return said._replace(lost=left.lost or said.lost, ended=left.ended or said.ended)
 
     def _step(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        command, step = end.command(data), STEPS[end.is_answer].get(command_of(end.is_answer, data))
+        command = end.command(data)
+        step = STEPS[end.is_answer].get(command_of(end.is_answer, data))
         if command and command.names_object and not end.is_answer:
             return self._begin(key, Running.begun(end, command.direction, time, data))
         running = self._running.get(key)
@@ -271,7 +279,7 @@ class Transfers:
         return step(self, key, running, time, data)
 
     def unfinished(self) -> Iterator[tuple[tuple[str, int], SdoTransfer]]:
-        """Yield the transfers that the end of the log cuts off, each with its channel of the log and of the SDO."""
+        """Yield the transfers cut off by the end of the log, with their channels of the log and of SDO."""
         for key, running in self._running.items():
             running.take_rest()
             yield key, running.ended(running.began, is_whole=False)
@@ -281,7 +289,7 @@ class Transfers:
     def _begun_before(
         self, key: tuple[str, int], end: SdoEnd, time: float, before: bytes, data: bytes
     ) -> Running | None:
-        """Begin in the middle of a block, if two frames from one end are its segments; else there is none."""
+        """Start amid a block if two frames from one end are its segments; return None otherwise."""
         number = before[0] & ~BLOCK_LAST
         if before[0] & BLOCK_LAST or number == 0 or data[0] & ~BLOCK_LAST != number + 1:
             return None
@@ -290,23 +298,23 @@ class Transfers:
         return self._running[key]
 
     def _begin(self, key: tuple[str, int], running: Running) -> Said:
-        """Begin a transfer; one that has not ended was given up, or its end is not in the log."""
+        """Start a transfer; an unfinished one was abandoned, or its end is not in the log."""
         said = self._give_up(key, running.began)
         self._running[key] = running
         return said
 
     def _give_up(self, key: tuple[str, int], time: float) -> Said:
-        """End what runs on a channel, if anything does, without its end."""
+        """End the running transfer of a channel, if any, without its end."""
         running = self._running.pop(key, None)
         if running is None:
             return NOTHING
         running.take_rest()
-        # An expedited one is a question without an answer: nobody has to be there.
+        # An unanswered expedited request is no broken transfer, as the node may not be there.
         lost = "" if running.how is How.EXPEDITED else running.broken
         return Said(lost=lost, ended=running.ended(time, is_whole=False))
 
     def _left(self, key: tuple[str, int], time: float, before: tuple[bool, bytes] | None) -> Said:
-        """End a transfer that has been left; a request `before` the frame that shows it was none of its segments."""
+        """End an abandoned transfer; `before` is the frame before, if it may be a request."""
         running = self._running[key]
         asked = before[1] if before and not before[0] and not running.is_upload else b""
         if asked:
@@ -317,13 +325,13 @@ class Transfers:
         return said
 
     def boot(self, channel: str, server: int) -> Iterator[Said]:
-        """End the transfers with a server that has booted up: it knows nothing of them."""
+        """End the transfers with a server that has booted."""
         for key in [key for key, each in self._running.items() if key[0] == channel and each.end.server == server]:
             self._before.pop(key, None)
             yield self._give_up(key, self._running[key].heard)
 
     def _finish(self, key: tuple[str, int], time: float) -> Said:
-        """End a transfer with the frame that has come."""
+        """End a transfer with the present frame."""
         running = self._running.pop(key)
         what = "value of" if running.is_upload else "written"
         running.count_lost()
@@ -346,7 +354,7 @@ class Transfers:
     # Segments
 
     def _segment(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
-        """Take in a segment; of a read the last one is the end."""
+        """Process a segment; the last one of a read is the end."""
         if running.how is not How.SEGMENTED:
             return NOTHING
         lost = "" if data[0] & wire.TOGGLE == running.toggle else SKIPPED
@@ -365,7 +373,7 @@ class Transfers:
         initiate = Initiate.of(data)
         if running.address != initiate.address:
             return NOTHING
-        # A server may answer a read in blocks like any other (CiA 301, 7.2.4.3.12).
+        # A server may answer a block read with a normal upload (CiA 301, 7.2.4.3.12).
         if initiate.command & wire.EXPEDITED:
             running.how = How.EXPEDITED
             running.add(initiate.rest[: initiate.size])
@@ -385,7 +393,8 @@ class Transfers:
         if running.is_upload:
             running.announced = Initiate.of(data).number if data[0] & wire.BLOCK_SIZE_GIVEN else None
         else:
-            running.in_block, running.longest = True, data[4] or wire.BLOCK_SEGMENTS
+            running.in_block = True
+            running.longest = data[4] or wire.BLOCK_SEGMENTS
         return NOTHING
 
     def _start(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
@@ -393,8 +402,9 @@ class Transfers:
         return NOTHING
 
     def _acknowledged(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
-        """Take over the segments of a block up to the one that the receiver names; those behind it come again."""
-        highest, missing = data[1], 0
+        """Append the acknowledged segments of a block; later ones are sent again."""
+        highest = data[1]
+        missing = 0
         sent = max(running.taken, default=0)
         for number in range(1, highest + 1):
             part = running.taken.get(number)
@@ -411,9 +421,9 @@ class Transfers:
         return Said(more=again, lost=f"{amount(missing, 'segment')} of the block not in the log" if missing else "")
 
     def _blocks_end(self, key: tuple[str, int], running: Running, time: float, data: bytes) -> Said:
-        """Take over the last segment, and compare the CRC."""
+        """Append the last segment, and compare the CRC."""
         running.in_block = False
-        running.take_over()  # what is left: its acknowledgement is not in the log
+        running.take_over()  # segments whose acknowledgement is not in the log
         running.add(running.tail[: SEGMENT_SIZE - wire.unused_in(data)])
         running.count_lost()
         running.verdict = running.compare(wire.crc_in(data))
@@ -427,7 +437,7 @@ class Transfers:
         return said._replace(lost=said.lost or "the end of its blocks is not in the log")
 
 
-# What each frame does
+# Steps by frame
 
 
 STEPS: tuple[Mapping[tuple[int, int], SdoStep], ...] = (
@@ -450,14 +460,14 @@ STEPS: tuple[Mapping[tuple[int, int], SdoStep], ...] = (
         (ServerCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end,
     },
 )
-"""By requests and answers, command specifier and sub-command; what begins a transfer is not among them."""
+"""Steps of requests and of answers, by command specifier and sub-command, without those that start a transfer."""
 
 
 # LSS: whose node-ID it sets (CiA 305)
 
 
 class LssConfiguration:
-    """Which devices of a bus LSS gives a node-ID: by that, what was said of each one's identity.
+    """Node-IDs that LSS gives to devices, with what is known of each identity.
 
     `taken` are those that the devices have confirmed; they hold from the next boot-up under the node-ID on. None stands
     for the one device on the bus: who switches all into configuration state at once has only one there.
@@ -470,12 +480,14 @@ class LssConfiguration:
         self.taken: dict[int, dict[int, int] | None] = {}
 
     def take(self, is_answer: bool, data: bytes) -> None:
-        """Take in a request or an answer."""
-        command, asked = data[0], self._asked
+        """Process a request or an answer."""
+        command = data[0]
+        asked = self._asked
         if not is_answer:
             self._asked = data
         if command in (Lss.SWITCH_GLOBAL, Lss.SELECT):
-            self._named, self._is_global = {}, command == Lss.SWITCH_GLOBAL
+            self._named = {}
+            self._is_global = command == Lss.SWITCH_GLOBAL
         if command in SELECTS or (command in INQUIRES and is_answer):
             self._named[(command - Lss.SELECT) % (Lss.INQUIRE - Lss.SELECT)] = int.from_bytes(data[1:5], "little")
         elif command == Lss.IDENTIFY_SLAVE and asked[:1] == bytes([Lss.FASTSCAN]) and asked[5] == 0:
@@ -485,4 +497,4 @@ class LssConfiguration:
 
 
 SELECTS, INQUIRES = (range(first, first + len(LSS_IDENTITY)) for first in (Lss.SELECT, Lss.INQUIRE))
-"""The commands that name a part of an identity."""
+"""Commands that name a part of an identity."""

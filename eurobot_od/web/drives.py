@@ -555,15 +555,15 @@ class Drives:
             return False
         with self._lock:
             for axis, stop in list(self._stops.items()):
-                more = stop.hear(frame, now)
+                more = stop.receive(frame, now)
                 is_taken |= more is not None
                 self._outbox.extend(more or ())
                 if stop.done:
                     self._ended(axis, stop, now)
             for node in list(self._nodes.values()):
-                node.hear(frame, now)
+                node.receive(frame, now)
             for motion in self._motions.values():
-                is_taken |= motion.end is not None and motion.end.hear(frame, now)
+                is_taken |= motion.end is not None and motion.end.receive(frame, now)
         if self._outbox:
             self.wake()
         return is_taken

@@ -43,7 +43,7 @@ TAIL = len("1" + "01" + "1" * 7 + "1" * 3)
         (Frame(0x000), 6),  # 34 zeros, as the CRC of zeros is zero: a stuff bit after every five
     ],
 )
-def test_known_frames(frame: Frame, stuffed: int) -> None:
+def test_lengths_of_known_frames(frame: Frame, stuffed: int) -> None:
     assert frame_bits(frame) == 47 + 8 * len(frame.data) + stuffed
 
 
@@ -53,7 +53,7 @@ def test_the_length_is_that_of_an_independent_encoder(frame: Frame) -> None:
 
 
 @given(st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8))
-def test_so_is_that_of_a_frame_with_29_bits(cob_id: int, data: bytes) -> None:
+def test_length_of_frames_with_29_bit_identifiers(cob_id: int, data: bytes) -> None:
     high, low = f"{cob_id:029b}"[:11], f"{cob_id:029b}"[11:]
     assert frame_bits(Frame(cob_id | EXTENDED, data)) == len(encoded(f"0{high}11{low}000", data)) + TAIL
 

@@ -64,7 +64,7 @@ def eds(*without: int) -> str:
 
 STOPPED, STARTED = 0, 1
 ERASING = 2.0
-"""Seconds that the flash memory takes to erase or to write."""
+"""Time that the flash memory takes to erase or write, in s."""
 
 
 class Trouble(NamedTuple):
@@ -115,7 +115,9 @@ class FlashDevice:
     # Objects
 
     def _state(self, subindex: int) -> Value:
-        return 1 if not subindex else STARTED if self.running else STOPPED
+        if not subindex:
+            return 1
+        return STARTED if self.running else STOPPED
 
     def _identification(self, subindex: int) -> Value:
         own = crc32(self.program) if self.trouble.identification is None else self.trouble.identification

@@ -50,7 +50,7 @@ def test_the_names_of_a_network_are_awaited() -> None:
 
 
 async def azip(items: Any, count: int) -> Any:
-    """Give the first items, and their numbers."""
+    """Return the first items with their numbers."""
     for number in range(count):
         yield await items.__anext__(), number
 
@@ -145,7 +145,7 @@ def test_a_procedure_of_an_event_loop_is_awaited_and_not_called() -> None:
 def test_a_procedure_is_called_at_once_or_awaited() -> None:
     @Procedure
     async def double(number: int) -> int:
-        """Say twice as much."""
+        """Return twice the number."""
         return 2 * number
 
     assert double(3) == asyncio.run(double.steps(3)) == 6

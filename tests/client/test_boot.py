@@ -257,7 +257,7 @@ def beats(*times: float) -> list[tuple[float, bytes]]:
         ([(1, b""), (2, b"\5\5"), (3, b"\x33")], []),  # no error control frames
     ],
 )
-def test_what_happens_to_a_node_is_told(
+def test_changes_of_a_node_are_reported(
     frames: list[tuple[float, bytes]], happened: list[tuple[float, NodeChange]]
 ) -> None:
     assert seen(Beating(frames), 9.0) == happened

@@ -133,7 +133,7 @@ UNFIT = [
 
 
 @pytest.mark.parametrize(("names", "words"), UNFIT)
-def test_what_cannot_be_mapped_is_refused_before_anything_is_written(names: list[str], words: str) -> None:
+def test_unmappable_objects_are_refused_before_any_write(names: list[str], words: str) -> None:
     with pytest.raises(LocalError) as error:
         mapping_entries(TPDO, [find_one(each, DICTIONARY.objects) for each in names])
     assert str(error.value) == words
@@ -211,7 +211,7 @@ def test_a_value_beyond_its_limits_is_refused_only_where_it_would_be_new(
     assert (told in said, bool(said)) == (True, bool(told))
 
 
-def test_what_the_node_refuses_is_left_out_and_told() -> None:
+def test_refused_objects_are_left_out_and_reported() -> None:
     with stock_lift() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
         made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
@@ -310,7 +310,7 @@ def test_a_setting_is_one_unless_its_profile_or_a_mapping_in_force_says_otherwis
     assert ((int(index, 16), 0) in Dictionary.read(text.encode(), Path("a.eds"), 5).parameters) is is_one
 
 
-def test_what_a_master_has_mapped_is_process_data_from_then_on() -> None:
+def test_objects_mapped_by_a_master_become_process_data() -> None:
     eds = DEVICE_TYPE + RPDO + variable("2000", "One", "UNSIGNED8", "1") + variable("2001", "Two", "UNSIGNED8", "1")
     dictionary = Dictionary.read(eds.encode(), Path("a.eds"), 5)
     changed = dictionary.configured({(0x1600, 1): 0x20010008})

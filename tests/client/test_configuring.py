@@ -138,7 +138,7 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Dictionary])
     ]
 
 
-def test_nothing_is_written_where_nothing_differs(make: Callable[..., Dictionary]) -> None:
+def test_equal_objects_are_not_written(make: Callable[..., Dictionary]) -> None:
     with stock_lift() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
         assert configure(master.node(2), make({HEARTBEAT: 1000}), NOW) == Configured(0, stored=False)
@@ -218,7 +218,7 @@ def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Ca
 
 
 def boots(node: canopen.LocalNode, *lost: Address) -> None:
-    """Have a stock node boot after a reset, which makes it forget the values of some objects."""
+    """Make a stock node boot after a reset, which loses the values of some objects."""
 
     def reset(_: int, data: bytearray, __: float) -> None:
         if data[0] == NmtCommand.RESET_NODE:
@@ -298,7 +298,7 @@ def test_a_configuration_writes_parameters_alone(tmp_path: Path, index: int, is_
     assert ((index, 0) in Dictionary.load(file, 5).parameters) is is_one
 
 
-def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
+def test_read_only_objects_are_no_parameters(tmp_path: Path) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE)
     assert (0x1000, 0) not in Dictionary.load(file, 5).parameters

@@ -28,7 +28,7 @@ def drive(fault: str | None = None, **options: Any) -> Iterator[SimulatedNetwork
         yield network
 
 
-def test_it_is_enabled_and_disabled() -> None:
+def test_a_drive_is_enabled_and_disabled() -> None:
     with drive() as network:
         axis = network[5].drive402
         axis.enable()
@@ -38,7 +38,7 @@ def test_it_is_enabled_and_disabled() -> None:
         assert axis.state is State.DISABLED
 
 
-def test_it_moves_and_is_there_when_the_call_returns() -> None:
+def test_move_returns_at_the_target() -> None:
     with drive() as network:
         axis = network[5].drive402
         axis.move_to(20_000, velocity=500)
@@ -58,7 +58,7 @@ def test_it_homes(method: int | None) -> None:
         assert abs(axis.position) < 200
 
 
-def test_it_turns_at_a_velocity_until_it_is_halted() -> None:
+def test_a_drive_turns_until_it_is_halted() -> None:
     with drive() as network:
         axis = network[5].drive402
         axis.velocity = 60
@@ -107,7 +107,7 @@ WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
 
 
 @pytest.mark.parametrize(("fault", "call", "text"), [(fault, *said) for fault, said in WRONG.items()])
-def test_what_a_drive_does_not_do_is_an_error(fault: str, call: Callable[[Any], object], text: str) -> None:
+def test_a_command_without_effect_is_a_drive_error(fault: str, call: Callable[[Any], object], text: str) -> None:
     with drive(fault) as network, pytest.raises(DriveError, match=text):
         call(network[5].drive402)
 
@@ -187,7 +187,7 @@ def test_ctrl_c_halts_a_motion() -> None:
 
 
 @pytest.mark.parametrize("method", [15, 99])
-def test_what_is_no_homing_method_is_refused_here(method: int) -> None:
+def test_an_unknown_homing_method_is_refused_locally(method: int) -> None:
     with drive() as network, pytest.raises(LocalError, match="not a homing method"):
         network[5].drive402.home(method)
 

@@ -75,7 +75,7 @@ def test_a_device_that_is_too_late_for_every_wait_is_not_made_up() -> None:
 
 
 @pytest.mark.parametrize("lost", range(0, 140, 7))
-def test_one_lost_answer_costs_no_bit_and_no_device(lost: int) -> None:
+def test_a_scan_survives_a_lost_answer(lost: int) -> None:
     behaviour = [0.0] * lost + [None] + [0.0] * 3000
     with wired(UnreliableStation(NEXT, behaviour), LssStation(OTHER)) as master:
         assert perform(master, lss.find_all()) == [OTHER, NEXT]
@@ -162,7 +162,7 @@ def test_silence_is_no_answer() -> None:
         lambda: lss.activate_bit_rate(66),
     ],
 )
-def test_what_the_standard_does_not_have_is_no_service(make: Callable[[], LssSteps[None]]) -> None:
+def test_unknown_lss_values_are_refused_locally(make: Callable[[], LssSteps[None]]) -> None:
     with pytest.raises(LocalError):
         make()
 

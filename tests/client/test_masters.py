@@ -46,7 +46,7 @@ def test_a_bus_that_is_lost_is_told_and_opened_again_and_what_was_periodic_goes_
     assert all(bus.closed for bus in cable.buses)
 
 
-def test_who_waits_without_an_end_hears_that_the_bus_is_lost() -> None:
+def test_an_endless_wait_raises_when_the_bus_is_lost() -> None:
     cable, waits, heard = Cable(new_channel()), threading.Event(), list[BusError]()
     master = ThreadedMaster(OwnFeed(cable.open))
 

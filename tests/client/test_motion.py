@@ -55,12 +55,13 @@ def carry_out(
     beside: Callable[[], None] = lambda: None,
     loses: Callable[[], bool] = lambda: False,
 ) -> float:
-    """Let a stop go on until it is done, or for some seconds; return how long the drive turned on."""
+    """Run a stop until it is done, or for some seconds; return how long the drive turned on."""
     master, begun, stood = network.master, network.master.clock(), inf
 
     def hear(cob_id: int, data: bytes, _: float) -> None:
-        for frame in () if loses() else stop.hear(Frame(cob_id, data), master.clock()) or ():
-            master.send(*frame)
+        if not loses():
+            for frame in stop.receive(Frame(cob_id, data), master.clock()) or ():
+                master.send(*frame)
 
     with master.observed(hear):
         while not stop.done and master.clock() < begun + seconds:
@@ -199,10 +200,10 @@ def test_a_drive_in_ready_is_not_enabled_by_a_halt() -> None:
 def test_a_node_is_stopped_until_its_heartbeat_says_so() -> None:
     stop = NodeStop(9, 0.0)
     assert stop.due(0.0) == stop.due(0.1) == [Frame(0, bytes([2, 9]))]
-    stop.hear(Frame(0x709, b"\5"), 0.15)
+    stop.receive(Frame(0x709, b"\5"), 0.15)
     assert not stop.done
     assert stop.text(0.2) == "NMT stop sent for 0.2 s; its heartbeat says operational"
-    stop.hear(Frame(0x709, b"\4"), 0.25)
+    stop.receive(Frame(0x709, b"\4"), 0.25)
     assert stop.done
     assert stop.due(1.0) == []
 
@@ -280,7 +281,7 @@ def test_a_drive_that_watches_us_makes_a_quick_stop_when_we_are_gone() -> None:
         assert state(network) is State.DISABLED
 
 
-def test_all_of_it_is_put_back() -> None:
+def test_lifeline_restores_all_changed_objects() -> None:
     with simulated(SimulatedDrive(SERVO, given={(0x1016, 1): 0x0001_0000 | 1000, (0x6007, 0): 2})) as network:
         node, drive = network.master.node(5), network[5]
         line = arm(node, [0], 127)
@@ -300,7 +301,7 @@ def test_an_entry_that_a_killed_program_has_left_is_taken_again() -> None:
 
 
 @pytest.mark.parametrize("code", [0, 1, 2, 3])
-def test_what_a_killed_program_has_changed_is_put_back_by_the_next_one(code: int) -> None:
+def test_changes_of_a_killed_program_are_restored_by_the_next_one(code: int) -> None:
     with simulated(SimulatedDrive(SERVO, given={(0x6007, 0): code})) as network:
         node = network.master.node(5)
         arm(node, [0], 127)
@@ -312,7 +313,7 @@ def test_what_a_killed_program_has_changed_is_put_back_by_the_next_one(code: int
         assert (network[5][0x6007].value, network[5][0x1016, 1].value) == (code, 0)
 
 
-def test_what_is_not_known_of_a_killed_program_is_said() -> None:
+def test_unknown_former_values_of_a_killed_program_are_reported() -> None:
     with simulated(SimulatedDrive(SERVO, given={(0x6007, 0): -5})) as network:
         node = network.master.node(5)
         assert not arm(node, [0], 127).left

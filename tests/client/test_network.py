@@ -186,7 +186,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
 
 
 @pytest.mark.parametrize(("call", "kind", "text"), WRONG)
-def test_what_goes_wrong_names_node_object_and_cause(
+def test_errors_name_node_object_and_cause(
     call: Callable[[RemoteDevice], object], kind: type[EurobotError], text: str
 ) -> None:
     with servo() as network, pytest.raises(kind, match=text):
@@ -243,7 +243,7 @@ def test_a_session_is_logged_by_its_services(caplog: pytest.LogCaptureFixture) -
         drive.pdo["RPDO1"].transmit({"Controlword": 6})
         with network.sync(period=0.01):
             drive.pdo["TPDO1"].wait()
-        drive.hear(0x085, b"\x10\x82\x11\0\0\0\0\0", 0.0)
+        drive.receive(0x085, b"\x10\x82\x11\0\0\0\0\0", 0.0)
         network.lss.find()
     said = {name: [(level, text) for logger, level, text in caplog.record_tuples if logger == name] for name in LOGGERS}
     assert said["eurobot_od.sdo"] == [
@@ -383,7 +383,7 @@ def test_one_value_of_a_pdo_has_callback_iterator_and_time() -> None:
 def test_a_frame_too_short_for_its_mapping_is_no_reading() -> None:
     with servo() as network:
         pdo = network[5].pdo["TPDO1"]
-        pdo.hear(b"\0\0", 0.0)
+        pdo.receive(b"\0\0", 0.0)
         assert pdo.last is None
         assert "2 bytes of data, expected 6" in str(pdo.refused)
 
@@ -455,7 +455,7 @@ class Stubborn(SimulatedDevice):
 
 
 def silence_after_heartbeat(network: SimulatedNetwork) -> None:
-    """Have the first write of 4 bytes lost, and whatever the master asks after it."""
+    """Lose the first write of 4 bytes and every request after it."""
     lost = False
 
     def disturb(_: float, frame: tuple[int, bytes]) -> tuple[float, ...]:
@@ -584,7 +584,7 @@ def test_a_device_that_refuses_its_bit_rate_does_not_obey_the_next_command() -> 
 MOTOR_EDS = Path(__file__).parents[2] / "docs" / "motor.eds"
 
 
-def test_what_a_network_has_says_what_it_is() -> None:
+def test_objects_of_a_network_have_a_repr() -> None:
     with simulated(MOTOR_EDS, node_id=5) as network:
         motor = network[5]
         shown = [*map(repr, (network, motor, motor["Temperature"], motor.pdo, motor.pdo["RPDO1"]))]

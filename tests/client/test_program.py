@@ -122,7 +122,7 @@ def test_a_download_that_was_broken_off_is_taken_up_again_by_the_next() -> None:
     assert (device.program, device.running) == (PROGRAM, True)
 
 
-def test_nobody_there() -> None:
+def test_a_download_without_a_node_fails() -> None:
     with (
         wired() as master,
         pytest.raises(ProgramError, match=r"^no answer from node 9 .*; node 9: its program is as it was"),

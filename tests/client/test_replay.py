@@ -40,7 +40,7 @@ def test_frames_come_at_their_old_times(speed: float, times: list[float]) -> Non
     assert station.heard == [(time, frame) for time, (_, frame) in zip(times, LOG)]
 
 
-def test_what_is_late_is_sent_at_once_and_counted() -> None:
+def test_late_frames_are_sent_at_once_and_counted() -> None:
     station = Listening()
     master = wired(station)
     bus: WiredBus = master.bus  # type: ignore[assignment]
@@ -55,7 +55,7 @@ def test_what_is_late_is_sent_at_once_and_counted() -> None:
     assert [time for time, _ in station.heard] == [0, 0.75, 0.75, 2]
 
 
-def test_nothing_is_replayed_of_an_empty_log() -> None:
+def test_an_empty_log_replays_nothing() -> None:
     assert replay(wired(Listening()), [], 1.0) == Replayed()
 
 

@@ -28,7 +28,7 @@ def test_our_three_nodes_are_found_with_their_names_and_nothing_else() -> None:
     assert [each.identity for each in found] == [Identity(0, number, 0x10000, 1) for number in (1, 2, 3)]
 
 
-def test_this_protocols_own_identifiers_are_no_node_64() -> None:
+def test_own_identifiers_of_a_protocol_are_no_node() -> None:
     channel = new_channel()
     with master_on(channel, 0.3) as master, open_bus(channel) as robot_bus:
         for cob_id in (0x0C0, 0x1C0, 0x2C0, 0x3C0, 0x080, 0x100):  # what services of node 64 would have

@@ -62,11 +62,11 @@ class Wire(canopen.Network):
         self.send(Frame(can_id, bytes(data)))
 
     def send(self, frame: Frame) -> Reaction:
-        """Give the device a frame."""
+        """Send the device a frame."""
         return self._take(self._receive(frame))
 
     def wait(self, seconds: float) -> Reaction:
-        """Let the time pass."""
+        """Advance the time."""
         self.now += seconds
         return self._take(self._tick())
 
@@ -96,7 +96,7 @@ class Wire(canopen.Network):
         self.sdo.sdo.download(index, subindex, value.to_bytes(size, "little"))
 
     def map_pdo(self, index: int, cob_id: int, *entries: int) -> None:
-        """Give a PDO an identifier and a mapping by CiA 301's procedure (7.5.2.36)."""
+        """Set identifier and mapping of a PDO by CiA 301's procedure (7.5.2.36)."""
         mapping = index + 0x200
         self.write(index, 1, 1 << 31 | self.read(index, 1))
         self.write(mapping, 0, 0, size=1)
@@ -130,7 +130,7 @@ class NodeWire(Wire):
         return Reaction(self.node.tick(self.now))
 
     def run(self, seconds: float) -> None:
-        """Let the time pass, and call the node whenever it wants to be."""
+        """Advance the time, and call the node whenever it is due."""
         end = self.now + seconds
         while (wakeup := self.node.next_wakeup) <= end:
             self.now = wakeup

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 from canopen import SdoAbortedError
 
-from eurobot_od.device.bound import Application, period, scaled, seconds, setting, together
+from eurobot_od.device.bound import Application, combined, period, scaled, seconds, setting
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
 from eurobot_od.errors import Cause, NodeClassError, Refused
@@ -186,7 +186,7 @@ def test_a_command_acts_in_the_states_in_which_its_pdo_does(
 
 
 @pytest.mark.parametrize(("cause", "code"), [(Cause.STATE, AbortCode.STATE), (Cause.VALUES, AbortCode.INCOMPATIBLE)])
-def test_what_the_application_refuses_is_an_abort_and_keeps_nothing(cause: Cause, code: AbortCode) -> None:
+def test_a_refused_write_aborts_and_changes_nothing(cause: Cause, code: AbortCode) -> None:
     commanded = Commanded(refuses=Refused(cause, "not now"))
     commanded.write(MOVE, *MOVE_VALUES[:-1])
     assert commanded.wire.refused((MOVE, 4), 1, size=2) == code
@@ -221,7 +221,7 @@ class Axis(Node):
     metres = scaled("Axis.Entry 1", 0.001)
     pause = seconds("Axis.Entry 2")
     step = period("Axis.Entry 3")
-    motion = together(Motion, speed=setting("Axis.Entry 1"), pause=seconds("Axis.Entry 2"))
+    motion = combined(Motion, speed=setting("Axis.Entry 1"), pause=seconds("Axis.Entry 2"))
 
 
 def dictionary(eds: str = EDS) -> Dictionary:
@@ -234,7 +234,7 @@ def test_a_setting_is_what_the_object_has_in_its_unit() -> None:
     assert axis.motion == Motion(100, 0.25)
 
 
-def test_what_is_written_holds_from_the_next_use_on() -> None:
+def test_a_written_setting_applies_from_the_next_use() -> None:
     axis = Axis(dictionary())
     assert (axis.speed, axis.motion) == (100, Motion(100, 0.25))
     axis.device.objects.write((0x2100, 1), (7).to_bytes(2, "little"))

@@ -74,7 +74,7 @@ def test_the_inhibit_time_spaces_reports() -> None:
     assert ours.next == inf
 
 
-def test_what_waits_too_long_makes_room_for_the_newest() -> None:
+def test_a_full_emergency_queue_keeps_the_newest() -> None:
     ours = emergencies(inhibit=1.0)
     for number in range(WAITING + 5):
         ours.raised(ErrorCode.PDO_TOO_SHORT, number)
@@ -146,7 +146,7 @@ def test_a_stopped_device_keeps_its_reports_until_it_may_talk() -> None:
     assert wire.command(NmtCommand.START).frames == [report(0x8220, 0x11, "040101")]
 
 
-def test_what_the_controller_reports_becomes_an_emergency() -> None:
+def test_controller_errors_become_emergencies() -> None:
     wire = wired()
     wire.device.emergencies.happened(ErrorCode.OVERRUN, wire.now)
     assert wire.wait(0.0).frames == [report(0x8110, 0x11)]

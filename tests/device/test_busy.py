@@ -21,7 +21,7 @@ PERIODS = {0x702: 1.0, 0x701: 0.2}
 """Of the cabin's heartbeat, which sends the blocks, and of the master's, s."""
 
 PROCESSING = 100e-6
-"""Seconds until a node looks at a frame."""
+"""Time until a node processes a frame, in s."""
 
 SEGMENT_BITS = 135
 """Of a frame with 8 bytes, with all stuff bits and the space after it."""

@@ -61,7 +61,7 @@ def test_commands_to_a_device_or_to_all(command: NmtCommand, node_id: int, state
 
 
 @pytest.mark.parametrize("data", [b"", b"\x02", b"\x02\x00\x00", b"\x03\x00", b"\x00\x02"])
-def test_what_is_no_command_changes_nothing(data: bytes) -> None:
+def test_unknown_nmt_commands_change_nothing(data: bytes) -> None:
     wire = wired()
     assert wire.send(Frame(NMT_COB_ID, data)) == Reaction([])
     assert wire.device.state is NmtState.OPERATIONAL
@@ -197,7 +197,7 @@ def test_the_verified_configuration_is_stored_with_it() -> None:
     assert (wire.read(0x1020, 1), wire.read(0x1020, 2)) == (15_000, 7)
 
 
-def test_what_was_measured_is_not_stored() -> None:
+def test_measured_values_are_not_stored() -> None:
     wire, store = stored()
     wire.send(Frame(0x108, b"\xff\xff\xff\xff\xff\xff\xff\xff"))
     wire.write(0x1010, 1, SAVE)

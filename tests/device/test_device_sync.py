@@ -94,7 +94,7 @@ def test_sync_does_nothing_unless_operational_and_counts_anew_then(command: NmtC
 
 
 @pytest.mark.parametrize("transmission_type", [0, 1, 240])
-def test_what_is_received_takes_effect_with_the_next_sync(transmission_type: int) -> None:
+def test_synchronous_rpdos_take_effect_with_the_next_sync(transmission_type: int) -> None:
     wire = synchronous((MOVE_RPDO, transmission_type))
     assert wire.send(move(MOVE._replace(height=1))).message is None
     assert wire.send(move()).message is None

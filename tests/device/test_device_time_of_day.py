@@ -22,7 +22,7 @@ def test_the_form_of_a_time() -> None:
     clock.set(NOON, 7.0)
     assert clock.told(7.0) == TOLD
     other = Clock()
-    other.hear(TOLD, 100.0)
+    other.receive(TOLD, 100.0)
     assert other.at(100.0) == NOON
 
 
@@ -35,15 +35,15 @@ NO_TIMES = [
 
 
 @pytest.mark.parametrize(("data", "why"), NO_TIMES)
-def test_what_is_no_time_leaves_the_clock_alone(data: bytes, why: str) -> None:
+def test_an_invalid_time_leaves_the_clock_alone(data: bytes, why: str) -> None:
     clock = Clock()
-    clock.hear(data, 1.0)
+    clock.receive(data, 1.0)
     assert clock.at(0.0) == EPOCH, why
 
 
 def test_reserved_bits_do_not_count() -> None:
     clock = Clock()
-    clock.hear(bytes([*TOLD[:3], TOLD[3] | 0xF0, *TOLD[4:]]), 0.0)
+    clock.receive(bytes([*TOLD[:3], TOLD[3] | 0xF0, *TOLD[4:]]), 0.0)
     assert clock.at(0.0) == NOON
 
 

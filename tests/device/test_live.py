@@ -20,7 +20,7 @@ from tests.kit import lift
 from tests.kit.lift import CheckCabinRequest
 
 PATIENCE = 60.0
-"""Seconds after which an answer that has not come does not come."""
+"""Time after which no answer is expected, in s."""
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def channel(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(autouse=True)
 def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let stock canopen wait longer than its 0.3 s, whatever else the computer has to do."""
+    """Set the timeout of stock canopen above its 0.3 s, for a busy machine."""
     monkeypatch.setattr("canopen.sdo.client.SdoClient.RESPONSE_TIMEOUT", PATIENCE)
 
 
@@ -132,7 +132,7 @@ CONTROLLER = [
 
 
 @pytest.mark.parametrize(("identifier", "data", "code", "why"), CONTROLLER)
-def test_what_the_controller_reports_becomes_an_emergency(
+def test_controller_errors_become_emergencies(
     channel: str, network: canopen.Network, identifier: int, data: str, code: str, why: str
 ) -> None:
     emergency = Expected(network, 0x082)

@@ -191,7 +191,7 @@ def test_ten_devices_are_found_and_each_is_given_a_node_id() -> None:
     assert [each.device.node_id for each in devices] == list(range(1, 11))
 
 
-def test_what_is_stored_is_there_after_power_off(tmp_path: Path) -> None:
+def test_stored_lss_settings_survive_power_off(tmp_path: Path) -> None:
     file = tmp_path / "motor.dcf"
     device = motor(store=FileStore(file, Dictionary.load(MOTOR, 127)))
     for request in ("04 01", "11 05", "13 00 03", "17"):
@@ -201,7 +201,7 @@ def test_what_is_stored_is_there_after_power_off(tmp_path: Path) -> None:
     assert motor(store.commissioned.node_id, store).device.node_id == 5
 
 
-def test_that_a_device_has_no_node_id_is_stored_as_well(tmp_path: Path) -> None:
+def test_the_absence_of_a_node_id_is_stored(tmp_path: Path) -> None:
     file = tmp_path / "motor.dcf"
     device = motor(5, FileStore(file, Dictionary.load(MOTOR, 127)))
     for request in ("04 01", "11 FF", "17"):

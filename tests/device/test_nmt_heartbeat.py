@@ -65,7 +65,7 @@ def test_a_silent_node_is_lost_once_and_comes_back() -> None:
     assert consumer.missed == set()
 
 
-def test_what_is_configured_anew_is_watched_anew_and_the_rest_goes_on() -> None:
+def test_a_rewritten_consumer_entry_restarts_only_itself() -> None:
     consumer = HeartbeatConsumer()
     consumer.configure([0x000207D0, 0x000307D0])
     consumer.heard(DRIVE, 0.0)
@@ -75,7 +75,7 @@ def test_what_is_configured_anew_is_watched_anew_and_the_rest_goes_on() -> None:
     assert consumer.identifiers == {0x702, 0x703}
 
 
-def test_nobody_else_is_watched() -> None:
+def test_only_configured_producers_are_watched() -> None:
     consumer = HeartbeatConsumer()
     consumer.configure([0x000207D0])
     assert consumer.heard(NAVIGATION, 0.0) is False

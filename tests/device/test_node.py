@@ -80,7 +80,7 @@ def test_a_frame_for_another_node_is_nothing() -> None:
     assert cabin().receive(PROTOCOL.encode(CheckDoorRequest()), 0.5) == []
 
 
-def test_what_is_sent_from_outside_wakes_whoever_runs_the_node() -> None:
+def test_frames_sent_from_outside_wake_the_runner() -> None:
     node, woken = cabin(), list[float]()
     node.wake = lambda: woken.append(node.now)
     node.send(CheckCabinResponse())

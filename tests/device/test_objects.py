@@ -197,7 +197,7 @@ def test_without_a_file_there_are_no_settings(store: FileStore) -> None:
     assert store.load() == {}
 
 
-def test_what_was_saved_is_loaded(store: FileStore) -> None:
+def test_saved_values_are_loaded(store: FileStore) -> None:
     store.save(SETTINGS, 9)
     assert store.load() == SETTINGS
     store.save({}, 2)
@@ -230,7 +230,7 @@ def test_other_programs_read_the_file(store: FileStore) -> None:
     assert (checked.returncode, checked.stdout, checked.stderr) == (0, b"", b"")
 
 
-def test_nothing_is_left_beside_the_file(store: FileStore) -> None:
+def test_no_temporary_file_is_left(store: FileStore) -> None:
     store.save(SETTINGS, 9)
     assert [each.name for each in store.file.parent.iterdir()] == ["cabin.dcf"]
 
@@ -378,7 +378,7 @@ STORED = [
 
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig"])
 @pytest.mark.parametrize(("address", "data", "why"), STORED)
-def test_what_is_stored_comes_back_to_the_byte_whatever_the_encoding_of_the_eds(
+def test_stored_bytes_are_restored_for_any_encoding_of_the_eds(
     tmp_path: Path, encoding: str, address: Address, data: bytes, why: str
 ) -> None:
     device = module_with_a_store(tmp_path, encoding, NAMED)

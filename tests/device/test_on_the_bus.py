@@ -35,7 +35,7 @@ def test_a_node_that_falls_silent_is_missed_once(silent: str) -> None:
     assert [data[:2] for data in building.frames(0x081)] == [SILENT]
 
 
-def test_who_is_commanded_by_a_node_that_falls_silent_stands() -> None:
+def test_a_drive_stops_when_its_commander_falls_silent() -> None:
     building = Building()
     building.run(2.0)
     building.panel.send(MoveTo(3000, Ride.NORMAL, 5))
@@ -47,7 +47,7 @@ def test_who_is_commanded_by_a_node_that_falls_silent_stands() -> None:
     assert [data[:2] for data in building.frames(0x082)] == [SILENT]
 
 
-def test_nobody_is_missed_while_all_are_there() -> None:
+def test_no_heartbeat_is_missed_while_all_nodes_run() -> None:
     building = Building()
     building.run(10.0)
     assert building.frames(0x081) == building.frames(0x082) == []

@@ -171,7 +171,7 @@ UNMAPPABLE: list[tuple[str, int, int, AbortCode, str]] = [
 
 
 @pytest.mark.parametrize(("node", "index", "entry", "code", "why"), UNMAPPABLE)
-def test_what_cannot_be_mapped_is_refused(node: str, index: int, entry: int, code: AbortCode, why: str) -> None:
+def test_unmappable_objects_are_refused(node: str, index: int, entry: int, code: AbortCode, why: str) -> None:
     wire = wired(node)
     wire.write(index, 1, NOT_VALID | 0x108)
     wire.write(index + 0x200, 0, 0, size=1)
@@ -219,7 +219,7 @@ NOT_TO_VALIDATE: list[tuple[tuple[int, ...], int, AbortCode, str]] = [
 
 
 @pytest.mark.parametrize(("entries", "cob_id", "code", "why"), NOT_TO_VALIDATE)
-def test_what_does_not_hold_together_does_not_become_valid(
+def test_an_inconsistent_pdo_does_not_become_valid(
     entries: tuple[int, ...], cob_id: int, code: AbortCode, why: str
 ) -> None:
     wire = open_move(*entries)
@@ -302,20 +302,20 @@ def test_a_position_in_natural_widths_is_sent_when_it_is_known_unknown_and_asked
 
 
 @pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
-def test_what_was_received_is_read_over_sdo(dialect: str) -> None:
+def test_received_values_are_read_over_sdo(dialect: str) -> None:
     panel, cabin = wired("panel", dialect), wired("cabin", dialect)
     cabin.send(panel.device.pdo_service.transmit(MOVE))
     assert [cabin.read(0x2000, subindex) for subindex in range(1, 6)] == [1234, 0, 75, 0, 0]
 
 
-def test_what_was_received_under_an_old_mapping_keeps_its_meaning() -> None:
+def test_values_received_under_an_old_mapping_keep_their_meaning() -> None:
     panel, cabin = wired("panel"), wired("cabin")
     cabin.send(panel.device.pdo_service.transmit(MOVE))
     cabin.map_pdo(MOVE_RPDO, 0x123, *WIDE)
     assert [cabin.read(0x2000, subindex) for subindex in range(1, 6)] == [1234, 0, 75, 0, 0]
 
 
-def test_what_was_sent_is_read_over_sdo() -> None:
+def test_sent_values_are_read_over_sdo() -> None:
     wire = wired()
     wire.device.pdo_service.send(PlaceResponse(1500, 1000, 90, Sensor.BELT), wire.now)
     assert [wire.read(0x2011, subindex) for subindex in range(1, 5)] == [1500, 1000, 90, 3]

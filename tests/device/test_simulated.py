@@ -60,7 +60,7 @@ def test_an_event_driven_tpdo_goes_when_it_may_and_then_with_each_change() -> No
     assert sent(wire, CHANGED) == ["fbff0200"]
 
 
-def test_what_an_rpdo_brings_is_a_change() -> None:
+def test_an_rpdo_counts_as_a_change() -> None:
     wire = operational()
     wire.send(Frame(COMMAND, b"\xfe\xff"))
     assert sent(wire, CHANGED) == ["fbff0000", "fbfffeff"]
@@ -304,7 +304,7 @@ def test_a_class_may_have_no_value_now() -> None:
     assert device.value("Channel.Entry 1") is None
 
 
-def test_what_a_class_refuses_is_an_abort_and_changes_nothing() -> None:
+def test_a_value_refused_by_a_class_aborts_and_changes_nothing() -> None:
     wire = operational(Oven)
     assert wire.refused((0x2100, 0), 301, size=2) == AbortCode.INCOMPATIBLE
     wire.send(Frame(COMMAND, b"\xff\x7f"))

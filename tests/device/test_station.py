@@ -36,17 +36,17 @@ def sent(station: Station, now: float = 0.0) -> list[Frame]:
     return frames
 
 
-def test_what_the_node_sends_goes_to_the_mailboxes(station: Station) -> None:
+def test_frames_of_the_node_go_to_the_mailboxes(station: Station) -> None:
     station.start(0.0)
     assert sent(station) == [BOOT_UP]
 
 
-def test_what_finds_a_mailbox_is_in_it_at_once_and_does_not_expire(station: Station) -> None:
+def test_a_frame_in_a_mailbox_does_not_expire(station: Station) -> None:
     station.start(0.0)
     assert sent(station, 1.0) == [BOOT_UP]
 
 
-def test_what_comes_for_the_node_goes_to_it_and_its_answer_to_the_mailboxes(station: Station) -> None:
+def test_received_frames_are_handled_and_answers_go_to_the_mailboxes(station: Station) -> None:
     station.start(0.0)
     station.controller.receive(PROTOCOL.encode(CheckCabinRequest()), 0.5)
     station.controller.receive(PROTOCOL.encode(MoveTo(500, Ride.NORMAL, 50)), 0.5)
@@ -109,7 +109,7 @@ def failing(on_error: OnError | None) -> tuple[Station, list[Report]]:
 
 
 def check(station: Station, now: float) -> list[Frame]:
-    """Have the node fail; give what leaves then."""
+    """Make the node fail; return the frames that leave then."""
     sent(station, now)
     station.controller.receive(PROTOCOL.encode(CheckCabinRequest()), now)
     return sent(station, now)
@@ -162,7 +162,7 @@ def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_cabin_that_answers(stat
     assert [frame.data[:4].hex() for frame in sent(station, 0.5)] == ["43001000"]
 
 
-def test_what_a_handler_raises_is_logged_with_its_traceback(caplog: pytest.LogCaptureFixture) -> None:
+def test_exceptions_of_handlers_are_logged_with_traceback(caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Cabin):
         def tick(self, now: float) -> list[Frame]:
             super().tick(now)

@@ -72,7 +72,8 @@ def test_two_that_answer_each_other_for_ever_do_not_stop_the_time() -> None:
     class Echo(SimulatedDevice):
         def receive(self, frame: Frame, now: float) -> list[Frame]:
             super().receive(frame, now)
-            return [Frame(0x185 if frame.cob_id == 0x195 else 0x195)] if frame.cob_id in (0x185, 0x195) else []
+            answers = {0x185: [Frame(0x195)], 0x195: [Frame(0x185)]}
+            return answers.get(frame.cob_id, [])
 
     def echo(node_id: int, cob_id: int) -> Echo:
         text = (

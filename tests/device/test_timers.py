@@ -37,7 +37,7 @@ def due(timers: Timers, now: float) -> list[float]:
         ([3.0, 1.0, 2.0], 2.0, [1.0, 2.0]),  # soonest first, the rest stays
     ],
 )
-def test_what_is_due_comes_soonest_first(set_for: list[float], now: float, expected: list[float]) -> None:
+def test_due_timers_run_in_order_of_time(set_for: list[float], now: float, expected: list[float]) -> None:
     timers = Timers()
     for time in set_for:
         timers.at(time, lambda _: None)
@@ -53,7 +53,7 @@ def test_equal_times_keep_their_order() -> None:
     assert called == [0, 1, 2, 3, 4]
 
 
-def test_what_becomes_due_meanwhile_is_due_too() -> None:
+def test_timers_that_become_due_meanwhile_also_run() -> None:
     timers, called = Timers(), list[float]()
 
     def again(time: float) -> None:
@@ -118,7 +118,7 @@ class Run:
         return self.flow.call
 
     def until(self, end: float) -> Run:
-        """Let the time pass from timer to timer."""
+        """Advance the time from timer to timer."""
         while (time := self.timers.next) <= end:
             self.now = time
             for action, due in self.timers.due(time):
@@ -288,7 +288,7 @@ def test_a_call_cancelled_before_the_start_sends_nothing_and_ends_once(failed: b
 
 
 @pytest.mark.parametrize("ask", [Call.done, Call.cancel, lambda call: call.result(0)])
-def test_who_asks_a_call_for_anything_wants_it(ask: Callable[[Call[int]], object]) -> None:
+def test_use_of_a_call_marks_it_as_wanted(ask: Callable[[Call[int]], object]) -> None:
     call = Call[int]()
     assert not call.is_wanted
     with suppress(TimeoutError):  # nothing is there yet

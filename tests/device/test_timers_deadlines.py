@@ -18,17 +18,17 @@ def deadlines() -> Deadlines[str]:
     return made
 
 
-def test_what_has_never_come_is_not_missed(deadlines: Deadlines[str]) -> None:
+def test_a_message_that_never_came_is_not_missed(deadlines: Deadlines[str]) -> None:
     assert deadlines.next == inf
     assert deadlines.overdue(100.0) == []
 
 
-def test_what_has_no_deadline_is_not_awaited(deadlines: Deadlines[str]) -> None:
+def test_a_message_without_a_deadline_is_not_awaited(deadlines: Deadlines[str]) -> None:
     assert deadlines.heard("position", 0.0) is False
     assert deadlines.next == inf
 
 
-def test_what_does_not_come_again_is_missed_once_and_is_back_once(deadlines: Deadlines[str]) -> None:
+def test_a_missed_message_is_reported_once_and_back_once(deadlines: Deadlines[str]) -> None:
     deadlines.heard("goto", 0.0)
     assert (deadlines.next, deadlines.awaits("goto")) == (1.0, True)
     assert deadlines.overdue(0.999) == []
@@ -38,7 +38,7 @@ def test_what_does_not_come_again_is_missed_once_and_is_back_once(deadlines: Dea
     assert (deadlines.heard("goto", 6.5), deadlines.next) == (False, 7.5)
 
 
-def test_what_is_back_without_a_deadline_is_not_awaited(deadlines: Deadlines[str]) -> None:
+def test_a_returned_message_without_a_deadline_is_not_awaited(deadlines: Deadlines[str]) -> None:
     deadlines.heard("goto", 0.0)
     deadlines.overdue(1.0)
     assert deadlines.back("goto") is True

@@ -68,7 +68,7 @@ PLANS: dict[str, tuple[Step, Step, float]] = {
 
 
 @pytest.mark.parametrize(("before", "step", "due"), PLANS.values(), ids=PLANS)
-def test_what_is_planned_is_noted(before: Step, step: Step, due: float) -> None:
+def test_each_step_updates_the_next_wakeup(before: Step, step: Step, due: float) -> None:
     wire = wired()
     wire.write(0x1017, 0, 0, size=2)
     before(wire)

@@ -37,7 +37,7 @@ def test_it_reads_and_writes_numbers_of_any_type_and_place_as_we_do(tmp_path: Pa
 
 
 @needs_compiler
-def test_the_judge_sees_a_wrong_bit(tmp_path: Path) -> None:
+def test_the_comparison_with_c_detects_a_wrong_bit(tmp_path: Path) -> None:
     protocol = plant.protocol()
     messages = described(protocol)
     halt = messages[5]

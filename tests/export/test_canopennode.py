@@ -221,7 +221,7 @@ XDD = """<?xml version="1.0"?>
 
 
 @needs_compiler
-def test_what_the_stacks_own_file_says_counts(tmp_path: Path) -> None:
+def test_the_stacks_own_file_takes_precedence(tmp_path: Path) -> None:
     made = object_dictionary(device(XDD, "made.xdd"))
     assert "OD_ROM.x2000_first" in made["OD.c"]
     assert "#define OD_CNT_MINE 1" in made["OD.h"]
@@ -272,7 +272,7 @@ def test_a_storage_group_that_is_given_comes_first() -> None:
         (("2000", "A"), "1", "'1' is not a C identifier"),
     ],
 )
-def test_what_no_compiler_takes_is_refused(pair: tuple[str, str], name: str, said: str) -> None:
+def test_names_that_no_compiler_accepts_are_refused(pair: tuple[str, str], name: str, said: str) -> None:
     with pytest.raises(LocalError, match=said):
         storage_groups([pair], name)
 
@@ -283,7 +283,7 @@ def test_a_value_that_does_not_fit_its_type_is_refused() -> None:
 
 
 @needs_compiler
-def test_nothing_of_a_file_leaves_its_comment(tmp_path: Path) -> None:
+def test_text_of_a_file_cannot_end_a_comment(tmp_path: Path) -> None:
     text = f"[DeviceInfo]\nVendorName=*/ #error\nProductName=??/\n{variable('2000', ParameterName='*/ #error')}"
     assert compiled(object_dictionary(device(text)), tmp_path).keys() == {(0x2000, 0)}
 

@@ -72,7 +72,9 @@ def test_cantools_reads_what_the_files_say_and_frames_as_the_codec_does(dialect:
         assert set(signal.receivers) == set(binding.receivers)
         assert (signal.unit or "") == binding.kinds[signal.name].raw_unit
         assert (signal.minimum, signal.maximum) == binding.limits[signal.name]
-    for data in random_data(binding) if binding.layout.fields else ():
+    if not binding.layout.fields:
+        return
+    for data in random_data(binding):
         decoded = message.decode(data, decode_choices=False)
         assert decoded == binding.unpack(data)
         assert message.encode(decoded, strict=False) == binding.pack(binding.unpack(data))

@@ -80,7 +80,7 @@ def line(form: str, dialect: str | None = None) -> Tables:
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("dialect", plant.DIALECTS)
-def test_it_lists_all_messages_and_objects(form: str, dialect: str) -> None:
+def test_json_lists_all_messages_and_objects(form: str, dialect: str) -> None:
     found = line(form, dialect)
     protocol, dictionaries = plant.protocol(dialect), plant.load_all(dialect)
     messages, *_, scale = found.tables

@@ -51,7 +51,9 @@ def read_back(value: str | None, dictionary: Dictionary, kind: type) -> Value:
     number = parse_number(value)
     if kind is int and number:
         return number.at(dictionary.node_id)
-    return bytes.fromhex(value) if kind is bytes else float(value) if kind is float else value
+    if kind is bytes:
+        return bytes.fromhex(value)
+    return float(value) if kind is float else value
 
 
 def objects(text: str) -> dict[tuple[int, int], Element]:
@@ -83,7 +85,7 @@ def compare(dictionary: Dictionary) -> None:
 
 
 @pytest.mark.parametrize("file", [*OWN, *FOREIGN])
-def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
+def test_every_object_has_the_values_of_the_file(file: Path) -> None:
     compare(Dictionary.load(file, NODE))
 
 
@@ -153,7 +155,7 @@ def odd(text: str = DEVICE) -> Dictionary:
     return Dictionary.read(text.encode(), Path("odd.dcf"), NODE)
 
 
-def test_it_says_what_an_odd_file_means() -> None:
+def test_odd_values_are_exported_by_their_meaning() -> None:
     compare(odd())
 
 
@@ -202,7 +204,7 @@ def test_the_profiles_say_whose_device_it_is_and_what_it_can() -> None:
         ("CreationTime=25:00", xdd.NO_DAY, None),
     ],
 )
-def test_it_was_created_when_the_file_says(said: str, day: str, time: str | None) -> None:
+def test_creation_date_is_that_of_the_file(said: str, day: str, time: str | None) -> None:
     root = ElementTree.fromstring(xdd.xdd_text(odd(DEVICE.replace("CreationDate=31-12-2020", said))))
     for body in root.iterfind(f"{CO}ISO15745Profile/ProfileBody"):
         assert (body.get("fileCreationDate"), body.get("fileCreationTime")) == (day, time)
@@ -253,6 +255,6 @@ AccessType=ro
     ],
     ids=["who changed the file, and when", "what an object with sub-indices says"],
 )
-def test_it_comes_back_as_it_went(section: str, said: dict[str, str]) -> None:
+def test_an_xdd_that_is_imported_again_is_equal(section: str, said: dict[str, str]) -> None:
     made = formats.read(xdd.xdd_text(Dictionary.read(CHANGED.encode(), Path("a.eds"), 1)).encode())
     assert {key: made.text(section, key) for key in said} == said

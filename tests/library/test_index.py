@@ -57,7 +57,7 @@ SAID_ELSEWHERE = [
 
 
 @pytest.mark.parametrize(("text", "identity", "problem"), SAID_ELSEWHERE)
-def test_what_a_file_says_is_read_as_a_dictionary_reads_it(
+def test_the_index_reads_values_as_a_dictionary_does(
     tmp_path: Path, text: str, identity: tuple[int, ...], problem: str
 ) -> None:
     (tmp_path / "some.eds").write_text(text)

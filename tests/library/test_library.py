@@ -89,11 +89,11 @@ DIFFERENCES = [
 
 
 @pytest.mark.parametrize(("said", "device", "difference"), DIFFERENCES)
-def test_what_is_not_said_is_no_difference(said: Identity, device: Identity, difference: str | None) -> None:
+def test_missing_values_are_no_difference(said: Identity, device: Identity, difference: str | None) -> None:
     assert contradiction(said, device) == difference
 
 
-def test_what_a_maker_says_stands_beside_the_file(tmp_path: Path) -> None:
+def test_maker_files_are_found_beside_the_eds(tmp_path: Path) -> None:
     assert device_yaml_of(tmp_path / "axis.eds") is None
     (tmp_path / "device.yaml").touch()
     assert device_yaml_of(tmp_path / "axis.eds") == tmp_path / "device.yaml"

@@ -91,7 +91,7 @@ def test_entries_may_come_from_an_anchor(folder: Path) -> None:
     assert (left.name, left.node_id, left.default((0x1017, 0))) == ("left", 2, 250)
 
 
-def test_what_nobody_knows_is_named(folder: Path) -> None:
+def test_unknown_keys_are_named(folder: Path) -> None:
     file = written(folder, ROS)
     assert not_understood(file) == (f"{file}:19: remappings is not understood",)
     assert not_understood(EDS) == ()
@@ -111,7 +111,7 @@ def test_what_nobody_knows_is_named(folder: Path) -> None:
         ("  2: {enabled", "  1: {enabled", "key 1 is given twice"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(folder: Path, old: str, new: str, told: str) -> None:
+def test_errors_name_line_and_column(folder: Path, old: str, new: str, told: str) -> None:
     file = written(folder, ROS.replace(old, new).replace("sub_index: 7, sub_index: 0", "sub_index: 7"))
     with pytest.raises((DictionaryError, YamlError)) as error:
         load(read_network(file).nodes)

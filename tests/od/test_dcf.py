@@ -64,7 +64,7 @@ def test_a_dcf_of_a_dcf_replaces_values_and_doubles_nothing() -> None:
     assert cabin_dcf({(0x1017, 0): 501}, once) == once.replace("ParameterValue=500", "ParameterValue=501")
 
 
-def test_none_leaves_an_object_without_a_value() -> None:
+def test_none_removes_the_parameter_value() -> None:
     assert cabin_dcf({(0x1017, 0): None}) == cabin_dcf({})
 
 
@@ -241,7 +241,7 @@ def test_a_text_that_a_line_cannot_hold_is_refused(text: Value) -> None:
         ("", ["MandatoryObjects"]),  # everything
     ],
 )
-def test_what_is_announced_and_not_there_is_named(text: str, missing: list[str]) -> None:
+def test_announced_but_missing_objects_are_named(text: str, missing: list[str]) -> None:
     assert dcf.missing(parse(text)) == missing
 
 

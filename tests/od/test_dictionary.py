@@ -251,7 +251,7 @@ def test_a_broken_file_costs_the_user_one_line(tmp_path: Path) -> None:
     assert done.stderr == f"eurobot-od: {folder / 'cabin.eds'}: not an EDS: it describes no object\n"
 
 
-def test_what_canopen_logs_is_not_printed() -> None:
+def test_log_messages_of_canopen_are_not_printed() -> None:
     load = f"from eurobot_od.od.dictionary import Dictionary; Dictionary.load({str(EDS / 'cabin.eds')!r})"
     log = "import logging; [logging.getLogger(f'canopen.{name}').error('leak') for name in ('sdo', 'objectdictionary')]"
     done = subprocess.run([sys.executable, "-c", f"{load}; {log}"], capture_output=True, text=True, check=True)
@@ -362,7 +362,7 @@ DROPPED = [
 
 
 @pytest.mark.parametrize(("data", "attribute", "value"), [row[1:] for row in DROPPED])
-def test_what_canopen_drops_is_set(data: bytes, attribute: str, value: object) -> None:
+def test_attributes_that_canopen_drops_are_set(data: bytes, attribute: str, value: object) -> None:
     assert getattr(Dictionary.read(data, Path("a.eds"), 5).variable((0x2000, 0)), attribute) == value
 
 

@@ -54,7 +54,7 @@ ODDITIES = [
 
 
 @pytest.mark.parametrize(("text", "kinds"), ODDITIES)
-def test_what_is_no_eds_is_an_oddity(text: bytes, kinds: list[Odd]) -> None:
+def test_a_file_that_is_no_eds_is_an_oddity(text: bytes, kinds: list[Odd]) -> None:
     assert [each.kind for each in read(text).oddities] == kinds
 
 

@@ -94,7 +94,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("changes", "error", "words"), REFUSED, ids=[each[2][:40] for each in REFUSED])
-def test_what_cannot_be_is_refused(changes: Sequence[Change], error: type[Exception], words: str) -> None:
+def test_impossible_edits_are_refused(changes: Sequence[Change], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words.replace(".", r"\.")):
         edited(MOTOR, "motor.eds", changes)
 

@@ -104,7 +104,7 @@ PDOMapping=1
 """
 
 
-def test_what_a_file_says_oddly_stays_as_it_is() -> None:
+def test_odd_values_of_a_file_are_kept() -> None:
     made = xdd_text(Dictionary.read(ODD.encode(), Path("odd.eds"), 1))
     assert compare(load(ODD.encode(), "odd.eds"), load(made.encode(), "odd.xdd"), with_names=True) == []
     assert made.count('PDOmapping="RPDO"') == made.count('PDOmapping="TPDO"') == 1
@@ -244,7 +244,7 @@ def test_whatever_encoding_is_declared_the_mark_counts_or_it_is_one_oddity(encod
 
 
 @pytest.mark.parametrize("error", [KeyError, RecursionError, MemoryError, OverflowError, UnicodeError])
-def test_whatever_a_library_raises_becomes_one_line(error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_exception_of_a_library_becomes_one_line(error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
     def raises(*_: object) -> None:
         raise error("a\nb")
 
@@ -482,7 +482,7 @@ NO_XML = [
 
 
 @pytest.mark.parametrize(("text", "words"), [row[1:] for row in NO_XML], ids=[row[0] for row in NO_XML])
-def test_what_is_no_device_description_costs_one_line(text: str, words: str) -> None:
+def test_other_xml_is_refused_in_one_line(text: str, words: str) -> None:
     with pytest.raises(DictionaryError) as error:
         Dictionary.read(text.encode(), Path("a.xdd"), 5)
     assert words in str(error.value)

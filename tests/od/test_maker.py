@@ -34,7 +34,7 @@ def motor(folder: Path, text: str, name: str = "device.yaml") -> Dictionary:
     return Dictionary.load(folder / "motor.eds", 5)
 
 
-def test_what_the_maker_says_is_the_device_s(tmp_path: Path) -> None:
+def test_values_of_the_maker_file_apply_to_the_device(tmp_path: Path) -> None:
     dictionary = motor(tmp_path, WORDS)
     current, speed, target = (dictionary.members[0x2000][sub] for sub in (2, 1, 3))
     assert (scale_of(current), scale_of(speed).unit) == (TEMPERATURE, "rpm")
@@ -71,7 +71,7 @@ def test_of_two_files_the_one_with_the_device_s_name_counts(tmp_path: Path) -> N
         ("{", "device.yaml:2"),
     ],
 )
-def test_what_does_not_fit_is_one_warning_with_its_line(tmp_path: Path, text: str, said: str) -> None:
+def test_an_entry_that_does_not_fit_is_one_warning(tmp_path: Path, text: str, said: str) -> None:
     with pytest.warns(PackageWarning, match=said) as caught:
         dictionary = motor(tmp_path, f"{text}\n")
     assert len(caught) == 1

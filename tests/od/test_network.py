@@ -141,7 +141,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("name", "text", "what"), WRONG)
-def test_what_is_no_network_is_told_in_one_line(tmp_path: Path, name: str, text: str, what: str) -> None:
+def test_a_file_that_is_no_network_is_refused_in_one_line(tmp_path: Path, name: str, text: str, what: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(FileError) as error:
         read_network(tmp_path / name)
@@ -187,7 +187,7 @@ def test_the_narrowest_entry_counts_in_any_order(tmp_path: Path) -> None:
         ("", "1:1: the file is empty"),
     ],
 )
-def test_what_a_file_says_wrong_is_one_line_with_its_place(tmp_path: Path, text: str, what: str) -> None:
+def test_an_error_in_a_network_file_names_its_place(tmp_path: Path, text: str, what: str) -> None:
     with pytest.raises(YamlError) as error:
         read(tmp_path, text)
     assert str(error.value).startswith(f"{tmp_path / 'maker.yaml'}:{what}")

@@ -44,9 +44,7 @@ def test_a_change_says_where_it_is_and_whether_the_file_was_right(
         (f"[2000]\nObjectType=7\nSubNumber=2\n{SUBS}", []),
     ],
 )
-def test_what_canopen_does_not_get_from_the_text_is_listed(
-    text: str, canopen_attributes: list[CanopenAttribute]
-) -> None:
+def test_attributes_that_canopen_ignores_are_listed(text: str, canopen_attributes: list[CanopenAttribute]) -> None:
     assert normal(text.encode()).canopen_attributes == canopen_attributes
 
 

@@ -109,11 +109,11 @@ def test_objects_of_cia_301_have_its_names() -> None:
     }
 
 
-def test_what_a_pdo_maps_is_mappable(device: DescribedDevice) -> None:
+def test_mapped_objects_are_mappable(device: DescribedDevice) -> None:
     assert [each.is_mappable for each in device.objects[0x2001].variables()] == [False, True, True]
 
 
-def test_it_is_a_device_like_any_other() -> None:
+def test_an_objdictgen_file_loads_as_a_dictionary() -> None:
     content = od_file(Dictionary=VALUES, UserMapping=USER, Name="Drive", Type="slave")
     dictionary = Dictionary.read(content, Path("drive.od"), 5)
     assert not dictionary.normal.refusals

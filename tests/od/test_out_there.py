@@ -338,7 +338,7 @@ KEPT = [
 
 
 @pytest.mark.parametrize(("old", "new", "kept"), [row[1:] for row in KEPT])
-def test_nothing_is_lost(old: str, new: str, kept: str) -> None:
+def test_normal_form_keeps_every_value(old: str, new: str, kept: str) -> None:
     data, _ = in_normal_form(BASE.replace(old, new, 1).encode())
     assert kept in data.decode()
     assert in_normal_form(data)[0] == data
@@ -381,7 +381,7 @@ def test_bytes_that_need_no_repair_are_kept(data: bytes) -> None:
     assert in_normal_form(data, "a.eds") == (data, [])
 
 
-def test_what_is_cut_off_has_no_normal_form() -> None:
+def test_a_truncated_file_has_no_normal_form() -> None:
     with pytest.raises(DictionaryError, match=r"^a\.eds: not a readable EDS: line 82: neither section nor entry"):
         in_normal_form((BASE + "Def").encode(), "a.eds")
 
@@ -431,7 +431,7 @@ def test_a_file_of_which_nothing_can_be_used_is_refused() -> None:
         load(b"[2000]\nParameterName=Lone\nDataType=5\n")
 
 
-def test_all_at_once() -> None:
+def test_all_variations_together_have_a_normal_form() -> None:
     text = BASE
     for variation in VARIATIONS:
         if variation.old and variation.old in text and not variation.values:

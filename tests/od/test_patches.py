@@ -77,7 +77,7 @@ def test_a_patch_counts_more_than_the_file(patch: str, address: Address, attribu
     ]
 
 
-def test_all_else_is_as_in_the_file() -> None:
+def test_a_patch_changes_nothing_else() -> None:
     before, after = Dictionary.load("base.eds", 5), patched("0x2000:1: {ParameterValue: 7}")
     assert after.content == normal(after.content).text.encode()
     lines = after.content.decode().splitlines()

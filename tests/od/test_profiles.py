@@ -59,7 +59,7 @@ def test_the_dictionary_of_a_profile_has_all_its_objects(profile: int) -> None:
     assert set(PROFILES[profile]) <= set(dictionary.members)
 
 
-def test_what_has_words_has_a_name() -> None:
+def test_objects_with_value_names_have_a_name() -> None:
     named = {cia402.PROFILE: {index for index, _ in DRIVE}, cia401.PROFILE: set(MODULE)}
     missing = {profile: indices - set(PROFILES[profile]) for profile, indices in named.items()}
     assert missing == {cia402.PROFILE: set(), cia401.PROFILE: set()}

@@ -66,7 +66,7 @@ FOLLOWS = [
 
 
 @pytest.mark.parametrize(("address", "value", "moved"), FOLLOWS)
-def test_what_follows_the_node_id_moves_along(address: Address, value: int, moved: int) -> None:
+def test_values_that_depend_on_the_node_id_are_renumbered(address: Address, value: int, moved: int) -> None:
     found = renumbered(of_node({address: value}), 6)
     assert (found.default(address), found.node_id, found.device.commissioned_node_id) == (moved, 6, 6)
     assert chosen_cob_ids(of_node({address: value}).device, 5) == []
@@ -85,7 +85,7 @@ def test_a_cob_id_that_somebody_chose_needs_a_decision(address: Address, value: 
     assert renumbered(given, 6, ChosenCobIds.MOVE).default(address) == moved
 
 
-def test_all_that_need_a_decision_are_named_at_once() -> None:
+def test_all_cob_ids_that_need_a_decision_are_named_together() -> None:
     with pytest.raises(DictionaryError) as asked:
         renumbered(of_node({EMCY: 0x123, TPDO1: 0x391}), 7)
     assert "0x1014:0 EMCY 0x123, 0x1800:1 TPDO1 0x391; for node 7 keep" in str(asked.value)

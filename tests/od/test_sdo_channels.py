@@ -54,5 +54,5 @@ SAID = [
 
 
 @pytest.mark.parametrize(("default", "value", "words"), SAID)
-def test_one_that_was_moved_is_said(default: str, value: str | None, words: str) -> None:
+def test_a_moved_sdo_server_is_described(default: str, value: str | None, words: str) -> None:
     assert moved_server(device(default, value)) == words

@@ -65,7 +65,7 @@ def test_the_standard_has_one_way_to_write_a_number(text: str, number: Number) -
 
 
 @pytest.mark.parametrize("text", NO_NUMBERS)
-def test_what_is_no_number_is_none(text: str) -> None:
+def test_text_that_is_no_number_is_none(text: str) -> None:
     assert parse_number(text) is None
 
 
@@ -202,7 +202,7 @@ def test_an_address_for_a_person() -> None:
 
 
 @pytest.mark.parametrize("text", ["1_000", "\u0663", "0x1_0", "\u00b2", "", "1" * 101])
-def test_what_only_python_reads_as_a_number_is_none(text: str) -> None:
+def test_python_only_number_forms_are_none(text: str) -> None:
     for read in (typed_number, typed_real):
         with pytest.raises(ValueError):  # noqa: PT011 (int and float say it in their own words)
             read(text)

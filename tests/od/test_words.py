@@ -67,7 +67,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize(("address", "value", "text"), [(a, *said) for a, said in OTHERS.items()])
-def test_what_the_profile_lists_has_a_word(address: tuple[int, int], value: int, text: str) -> None:
+def test_values_listed_in_the_profile_have_a_name(address: tuple[int, int], value: int, text: str) -> None:
     assert words(od.at(address, SERVO.objects), value) == text
 
 
@@ -120,7 +120,7 @@ def _axis_2() -> str:
     return listed + "\n[6841]\nParameterName=Statusword 2\nObjectType=7\nDataType=6\nAccessType=ro\nPDOMapping=1\n"
 
 
-def test_what_no_file_describes_has_no_words() -> None:
+def test_undescribed_objects_have_no_value_names() -> None:
     assert words(od.undescribed((0x6041, 0)), 0x40) == ""
     assert written(od.undescribed((0x6041, 0)), 0x40) == "0x40"
 

@@ -20,7 +20,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Value
 from eurobot_od.pdo.in_force import InForce, made
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
@@ -41,7 +41,7 @@ FRAME = "181#E80300003702"
 
 def decoded(lines: str, *devices: Dictionary, channels: str = "") -> list[Meaning]:
     """Decode frames a millisecond apart; the last as many as `channels` says are on these."""
-    following, frames = Following(Decoder(devices)), lines.split()
+    following, frames = TrackingDecoder(Decoder(devices)), lines.split()
     names = ["a"] * (len(frames) - len(channels)) + list(channels)
     pairs = (each.split("#") for each in frames)
     return [
@@ -183,7 +183,7 @@ LEARNED: dict[tuple[int, int], Value] = {
 
 
 def test_answers_of_a_device_without_a_file_are_kept_after_reset() -> None:
-    following = Following(Decoder((), learned=made(1, LEARNED)))
+    following = TrackingDecoder(Decoder((), learned=made(1, LEARNED)))
     frames = [Frame(0x191, b"\xe8\3\0\0"), *map(Frame.parse, REMAP.replace("601", "602").replace("581", "582").split())]
     frames += [frames[0], Frame(0x701, b"\0"), frames[0], Frame(0x091, bytes(8))]
     meanings = [following(0, "a", each) for each in frames]
@@ -220,7 +220,7 @@ def test_objects_without_a_file_are_named_by_the_observed_profile(lines: str, te
 
 
 def test_the_observed_profile_is_kept() -> None:
-    following = Following(Decoder((), learned=made(1, {}, 402)))
+    following = TrackingDecoder(Decoder((), learned=made(1, {}, 402)))
     assert "Statusword (axis 2)" in following(0.0, "", Frame(0x581, bytes.fromhex("4B41680037060000"))).text
 
 
@@ -254,7 +254,7 @@ class Witness(SimulatedDevice):
 
 
 def remapped_live(log: Path, count: int) -> list[tuple[Frame, tuple[object, ...]]]:
-    """Have canopen's own master map two objects of a drive into its TPDO 2 at boot, and ask for some frames."""
+    """Remap TPDO 2 of a drive at boot by canopen's own master, and return some frames and their meanings."""
     objects = [(0x6077, 0), (0x606C, 0), (0x6041, 0)]
     channel = new_channel()
     drive, master = Witness(SERVO, objects), canopen.Network()
@@ -286,7 +286,7 @@ def remapped_live(log: Path, count: int) -> list[tuple[Frame, tuple[object, ...]
 
 def test_pdos_mapped_by_a_master_at_boot_are_decoded(tmp_path: Path) -> None:
     sent = remapped_live(tmp_path / "bus.log", 100)
-    following = Following(Decoder([SERVO]))
+    following = TrackingDecoder(Decoder([SERVO]))
     with (tmp_path / "bus.log").open("rb") as file:
         meanings = [following(time, channel, raw) for _, time, channel, raw in formats.read(file)]
     found = [(each.raw, tuple(each.message or ())) for each in meanings if each.raw[0] == 0x391]

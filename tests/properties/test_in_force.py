@@ -16,7 +16,7 @@ from eurobot_od.pdo.kinds import NOTHING, plain
 from eurobot_od.season.archive import Archiver, DecodedNetwork
 from eurobot_od.season.season import SCHEMAS, Season
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Decoding, Following, TextOutput
+from eurobot_od.traffic.decoding import Decoding, TextOutput, TrackingDecoder
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
@@ -85,7 +85,7 @@ def log_of(traffic: list[tuple[str, list[str]]]) -> bytes:
 
 
 def one_by_one(log: bytes) -> list[tuple[int, float, str, Meaning]]:
-    following = Following(Decoder([SERVO]))
+    following = TrackingDecoder(Decoder([SERVO]))
     entries = formats.read(io.BytesIO(log), "log")
     return [(n, time, channel, following(time, channel, raw, n)) for n, time, channel, raw in entries]
 

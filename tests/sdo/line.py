@@ -10,7 +10,7 @@ from eurobot_od.sdo.client import Transfer
 from eurobot_od.sdo.server import TIMEOUT
 
 WAIT = TIMEOUT / 4
-"""Seconds that the client waits: less than the server does, so that it can mend what was lost."""
+"""Timeout of the client, in s; shorter than the server's, so that it can repeat lost frames."""
 
 
 class Server(Protocol):

@@ -36,7 +36,7 @@ def content_of(size: int) -> bytes:
 
 
 def talk(transfer: Transfer, answers: Sequence[str]) -> list[list[str]]:
-    """Give answers written in hexadecimal, filled up to 8 bytes; return what is sent at first and after each."""
+    """Feed hexadecimal answers, padded to 8 bytes; return the requests sent at first and after each."""
     received = (transfer.receive(bytes.fromhex(answer).ljust(8, b"\0"), 0.0) for answer in answers)
     return [[request.hex(" ", 4) for request in requests] for requests in (transfer.start(0.0), *received)]
 

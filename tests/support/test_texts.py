@@ -82,7 +82,7 @@ def decoded(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """Give a log whose channel and name would like to be more than that."""
+    """Return a log whose channel and name contain control characters."""
     file = tmp_path / "=a\x1b[31m\nb.log"
     file.write_text("(1.000000) =c\x1b[2Jan0 185#0000000000000000\n(2.000000) can0 185#FF\x1b\n")
     return file

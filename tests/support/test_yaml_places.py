@@ -110,7 +110,8 @@ def parts(node: yaml.Node) -> Iterator[tuple[object, ...]]:
         return
     yield node.tag, len(node.value), place
     for part in node.value:
-        for each in part if isinstance(part, tuple) else (part,):
+        children = part if isinstance(part, tuple) else (part,)
+        for each in children:
             yield from parts(each)
 
 

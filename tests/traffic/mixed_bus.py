@@ -27,10 +27,10 @@ FILES = {
 """A drive each by CiA 402, an I/O module by CiA 401, and two others."""
 
 STEP = 0.0005
-"""Seconds from one frame to the next."""
+"""Time between two frames, in s."""
 
 TICK = 0.005
-"""Seconds after which the devices are asked again what is due."""
+"""Interval in which due frames of the devices are sent, in s."""
 
 BLOCK = bytes(range(256)) * 8
 
@@ -56,7 +56,7 @@ class MixedBus:
         return self._spread([frame])
 
     def wait(self, seconds: float) -> None:
-        """Let the devices do what is due."""
+        """Advance the time, and send what the devices have due."""
         end = self.now + seconds
         while self.now < end:
             self.now += TICK
@@ -78,7 +78,7 @@ class MixedBus:
             self.send(Frame(0x600 + node_id, request))
 
     def _spread(self, frames: Iterable[Frame]) -> list[Frame]:
-        """Give frames to all who did not send them, and what they answer, too; return all that came of it."""
+        """Deliver frames and the answers to them to all other nodes; return all these frames."""
         waiting, seen = list(frames), list[Frame]()
         while waiting:
             assert len(seen) < 1000, "the devices never fall silent"
@@ -134,7 +134,7 @@ def process_data(bus: MixedBus) -> None:
 
 
 def errors(bus: MixedBus) -> None:
-    """Have the devices report errors: of the bus, of a drive, of an I/O module, and that they are gone."""
+    """Make the devices report and clear errors of the bus, of a drive and of an I/O module."""
     for device in bus.devices.values():
         device.bus_error(ErrorCode.OVERRUN, bus.now)
     bus.wait(1.5)
@@ -143,7 +143,7 @@ def errors(bus: MixedBus) -> None:
 
 
 def masters(bus: MixedBus) -> None:
-    """Have the masters of CiA 302-2 agree, and the devices go into their safe states (CiA 304)."""
+    """Play the negotiation of CiA 302-2 masters, and the switch to safe states (CiA 304)."""
     for cob_id, data in ((0x073, b""), (0x071, b"\1\5"), (0x075, b""), (0x074, b""), (0x076, b""), (0x072, b"")):
         bus.send(Frame(cob_id, data))
     bus.send(Frame(0x001))

@@ -26,7 +26,7 @@ messages = st.builds(
 
 
 def ranked(found: list[PeriodicMessage]) -> list[PeriodicMessage]:
-    """Give messages the identifiers 0, 1, ... in their order."""
+    """Return messages with the identifiers 0, 1, ... in their order."""
     return [each._replace(identifier=rank) for rank, each in enumerate(found)]
 
 

@@ -83,17 +83,17 @@ ROW: list[Timed] = [(number / 10, position(1000 + number)) for number in range(2
 
 
 def moved(time: float) -> Callable[[list[Timed]], None]:
-    """Have the sixth frame come at another time."""
+    """Change the time of the sixth frame."""
     return lambda row: row.__setitem__(5, (time, row[5][1]))
 
 
 def replaced(raw: Raw, time: float = 0.5) -> Callable[[list[Timed]], None]:
-    """Have another frame in place of the sixth."""
+    """Replace the sixth frame."""
     return lambda row: row.__setitem__(5, (time, raw))
 
 
 def added(raw: Raw) -> Callable[[list[Timed]], None]:
-    """Have one more frame before the sixth."""
+    """Insert a frame before the sixth."""
     return lambda row: row.insert(5, (0.45, raw))
 
 
@@ -128,7 +128,7 @@ CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Differe
     ("change", "tolerances", "wanted"),
     [case[1:] for case in CASES],
 )
-def test_what_counts_as_a_difference(
+def test_tolerances_decide_on_differences(
     change: Callable[[list[Timed]], object], tolerances: Tolerances, wanted: list[DifferenceKind]
 ) -> None:
     other = list(ROW)

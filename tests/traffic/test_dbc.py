@@ -54,12 +54,12 @@ WITHOUT_FILE = (
 
 
 @pytest.mark.parametrize(("raw", "name", "text"), WITHOUT_FILE)
-def test_what_no_device_is_known_to_send_is_named(dbc: Path, raw: Raw, name: str, text: str) -> None:
+def test_dbc_names_frames_of_unknown_senders(dbc: Path, raw: Raw, name: str, text: str) -> None:
     meaning = Decoder((), others=read_dbc([str(dbc)]))(raw)
     assert (meaning.name, meaning.text, meaning.defects) == (name, text, ())
 
 
-def test_what_a_file_of_a_device_says_comes_first(dbc: Path) -> None:
+def test_eds_files_take_precedence_over_dbc(dbc: Path) -> None:
     decoder = Decoder([Dictionary.load(SERVO, 5)], others=read_dbc([str(dbc)]))
     assert decoder(Frame(0x185, bytes(6))).name == "servo.TPDO1"
     assert decoder(Frame(0x705, b"\x05")).name == "Heartbeat"

@@ -13,7 +13,15 @@ import pytest
 
 from eurobot_od.frame import EXTENDED, Frame
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import SERVICE_FIELDS, CsvOutput, Decoding, Following, JsonOutput, Output, TextOutput
+from eurobot_od.traffic.decoding import (
+    SERVICE_FIELDS,
+    CsvOutput,
+    Decoding,
+    JsonOutput,
+    Output,
+    TextOutput,
+    TrackingDecoder,
+)
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.filters import Window, by_name
 from eurobot_od.traffic.meaning import Decoder
@@ -60,7 +68,7 @@ def decoded(decoding: Decoding, log: str, name: str = "bus.log") -> str:
 
 def one_by_one(decoder: Decoder, log: str) -> str:
     """Decode a log as a bus is decoded, and write each line by itself."""
-    output, following = TextOutput(), Following(decoder)
+    output, following = TextOutput(), TrackingDecoder(decoder)
     write = output.line_writer("bus.log")
     entries = formats.read(io.BytesIO(log.encode()), "log")
     return "".join(write(n, time, ch, output.row(following(time, ch, raw))) for n, time, ch, raw in entries)
@@ -141,7 +149,7 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
         (FIRST.replace("#1B", "#"), "wrong length", "4 bytes of data, expected 5"),
     ],
 )
-def test_what_is_wrong_is_said_and_costs_no_other_line(decoder: Decoder, log: str, damage: str, text: str) -> None:
+def test_a_defect_affects_only_its_own_line(decoder: Decoder, log: str, damage: str, text: str) -> None:
     decoding = Decoding(decoder, TextOutput())
     before, *wrong, after = decoded(decoding, FIRST + log + THIRD).splitlines(keepends=True)
     assert (before, after) == (TEXT.splitlines(keepends=True)[0], TEXT.splitlines(keepends=True)[2])
@@ -187,7 +195,7 @@ def test_windows_of_time_begin_anew_with_each_log(decoder: Decoder, window: Wind
         assert [line.split()[0] for line in decoded(decoding, REGULAR).splitlines()] == shown
 
 
-def test_what_is_not_wanted_is_counted_all_the_same(decoder: Decoder) -> None:
+def test_defects_of_unwanted_entries_are_counted(decoder: Decoder) -> None:
     decoding = Decoding(decoder, TextOutput(), by_name(["Move State Request"], decoder))
     assert decoded(decoding, f"{REGULAR}x\n") == TEXT.splitlines(keepends=True)[1]
     assert decoding.damage.total == 1

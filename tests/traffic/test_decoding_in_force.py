@@ -17,7 +17,7 @@ from eurobot_od.pdo.kinds import NOTHING
 from eurobot_od.season.archive import Archiver, DecodedNetwork
 from eurobot_od.season.season import Season
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import CsvOutput, Decoding, Following, JsonOutput, TextOutput
+from eurobot_od.traffic.decoding import CsvOutput, Decoding, JsonOutput, TextOutput, TrackingDecoder
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
@@ -53,7 +53,7 @@ def log_of(lines: str) -> bytes:
 
 def last(lines: str, *devices: Dictionary) -> Meaning:
     """Decode frames one by one; return what the last one means."""
-    following = Following(Decoder(devices or (SERVO,)))
+    following = TrackingDecoder(Decoder(devices or (SERVO,)))
     entries = formats.read(io.BytesIO(log_of(lines)), "log")
     *_, meaning = [following(time, channel, raw, line) for line, time, channel, raw in entries]
     return meaning
@@ -82,7 +82,7 @@ ACCEPTED = {
 
 
 @pytest.mark.parametrize(("lines", "text"), ACCEPTED.values(), ids=ACCEPTED)
-def test_what_the_device_accepted_is_read(lines: str, text: str) -> None:
+def test_accepted_writes_change_decoding(lines: str, text: str) -> None:
     found = last(lines)
     assert (found.text.partition(" (Operation")[0], found.defects) == (text.partition(" (Operation")[0], ())
 
@@ -175,7 +175,7 @@ UNKNOWN = {
 
 
 @pytest.mark.parametrize(("lines", "text"), UNKNOWN.values(), ids=UNKNOWN)
-def test_what_the_log_does_not_have_is_unknown(lines: str, text: str) -> None:
+def test_values_missing_in_the_log_are_unknown(lines: str, text: str) -> None:
     found = last(lines)
     assert found.text == text
     assert [each.damage.value for each in found.defects] == ["unknown mapping"]
@@ -195,7 +195,7 @@ def test_a_request_that_the_device_refuses_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("lines", KNOWN_AGAIN.values(), ids=KNOWN_AGAIN)
-def test_what_was_unknown_is_known_once_it_is_seen(lines: str) -> None:
+def test_unknown_mappings_are_known_once_seen(lines: str) -> None:
     found = last(lines)
     assert (found.text, found.defects) == (SWAPPED, ())
 
@@ -271,7 +271,7 @@ def test_the_mark_is_one_word_in_all_outputs(tmp_path: Path) -> None:
 
 def test_a_second_sdo_server_of_a_device_without_a_file_is_its_own() -> None:
     lines = " ".join([write(0x1201, 1, 0x641), write(0x1201, 2, 0x5C1), "641#2B40600000000000"])
-    following = Following(Decoder([]))
+    following = TrackingDecoder(Decoder([]))
     *_, meaning = [following(t, c, raw, n) for n, t, c, raw in formats.read(io.BytesIO(log_of(lines)), "log")]
     assert meaning.nodes == ("node 1",)
 

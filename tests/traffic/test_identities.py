@@ -11,7 +11,7 @@ from eurobot_od.library.library import Library, LibraryDevices
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.identities import shown_in
 from eurobot_od.traffic.meaning import Decoder
 from tests.kit.library import OTHER_PRODUCT, PRODUCT, REVISION, VENDOR, device_text, library_of
@@ -50,7 +50,7 @@ SHOWN: list[tuple[str, dict[int, dict[Address, int]]]] = [
 
 
 @pytest.mark.parametrize(("frames", "shown"), SHOWN)
-def test_what_nodes_show_is_read_ahead(frames: str, shown: dict[int, dict[Address, int]]) -> None:
+def test_identities_are_read_ahead(frames: str, shown: dict[int, dict[Address, int]]) -> None:
     assert shown_in(log(frames), "log") == shown
 
 
@@ -72,7 +72,7 @@ def texts(frames: str, folder: Path, *named: Dictionary) -> tuple[list[str], lis
     """Decode frames by a library; return the names and fields of TPDO1, and what was told."""
     told: list[str] = []
     describe = LibraryDevices(Library([folder]), told.append)
-    following = Following(Decoder(named, refused=lambda _: None, describe=describe))
+    following = TrackingDecoder(Decoder(named, refused=lambda _: None, describe=describe))
     meanings = [following(time, channel, raw) for _, time, channel, raw in formats.read(log(frames), "log")]
     return [f"{each.name} {each.text}" for each in meanings if each.raw[0] == 0x185], told
 
@@ -95,7 +95,7 @@ def test_a_device_that_is_exchanged_is_known_by_its_new_answers(folder: Path) ->
     assert (found, told) == (["axis_5.TPDO1 speed=1", "level_5.TPDO1 level=2"], [])
 
 
-def test_what_was_mapped_before_counts_more_than_the_file(folder: Path) -> None:
+def test_earlier_mappings_take_precedence_over_the_file(folder: Path) -> None:
     found, told = texts(f"{MAPPED} {AXIS} 185#0100", folder)
     assert (found, told) == (["axis_5.TPDO1 speed_limit=1"], [])
 

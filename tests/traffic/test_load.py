@@ -59,7 +59,7 @@ def test_small_sets(found: list[PeriodicMessage], expected: list[int]) -> None:
     assert responses(Analysis(found)) == expected
 
 
-def test_what_blocks_is_told() -> None:
+def test_the_blocking_message_is_named() -> None:
     bounds = Analysis([message(1, 55, 1000), message(2, 65, 1000), message(3, 135, 1000)]).bounds
     assert [each.blocking for each in bounds] == [2, 2, None]
 
@@ -126,7 +126,7 @@ def test_errors_may_fill_the_bus() -> None:
     assert responses(Analysis([message(1, 55, 10_000)], ErrorRate(1, 50))) == [None]
 
 
-def test_what_is_more_urgent_than_an_overload_has_its_bound() -> None:
+def test_messages_more_urgent_than_an_overload_are_bounded() -> None:
     assert responses(Analysis([message(1, 55, 1000), message(2, 135, 130)])) == [190, None]
 
 
@@ -222,7 +222,7 @@ def test_the_package_lets_a_less_urgent_frame_begin_one_unit_before_the_release(
 
 
 @given(sets)
-def test_but_for_that_unit_the_package_agrees(found: list[PeriodicMessage]) -> None:
+def test_bounds_agree_with_another_package_to_one_bit(found: list[PeriodicMessage]) -> None:
     analysis = BegunABitEarlier(found)
     if analysis.load < Fraction(9, 10):  # nearer to a full bus the package takes its time
         assert [each.waiting for each in analysis.bounds] == list(by_the_package(found))

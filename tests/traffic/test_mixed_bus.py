@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.frame import Frame
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.services import NAMES, SRDO
 from tests.traffic.mixed_bus import BLOCK, FILES, dictionaries, log_text, recorded
@@ -24,7 +24,7 @@ def frames() -> list[tuple[float, Frame]]:
 
 @pytest.fixture(scope="module")
 def meanings(frames: list[tuple[float, Frame]]) -> list[Meaning]:
-    following = Following(Decoder(dictionaries()))
+    following = TrackingDecoder(Decoder(dictionaries()))
     return [following(time, "can0", frame) for time, frame in frames]
 
 

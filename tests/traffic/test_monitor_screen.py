@@ -60,14 +60,14 @@ def test_protocols_have_colours_of_their_own(traffic: Traffic) -> None:
     assert len({*COLOURS, SERVICE_COLOUR}) == len(COLOURS) + 1
 
 
-def test_what_is_wrong_is_red(traffic: Traffic) -> None:
+def test_defects_are_red(traffic: Traffic) -> None:
     traffic.take(3.0, Frame(0x123))
     text = shown(traffic, load=0.9, now=9.0)
     for words in ("unknown identifier: 123#", "1 x unknown identifier", "90.0%", "● lift LOST"):
         assert style_before(text, words) == "1;31"
 
 
-def test_what_does_not_fit_is_counted(traffic: Traffic) -> None:
+def test_rows_that_do_not_fit_are_counted(traffic: Traffic) -> None:
     assert "2 rows more" in shown(traffic, size=Size(120, 9))
     assert " more" not in shown(traffic)
 

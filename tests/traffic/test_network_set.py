@@ -43,12 +43,12 @@ BY_ITSELF = [
 
 
 @pytest.mark.parametrize(("sections", "expected"), [row[1:] for row in BY_ITSELF], ids=[row[0] for row in BY_ITSELF])
-def test_what_an_eds_sends_by_itself(sections: list[str], expected: tuple[int, int, int]) -> None:
+def test_periodic_messages_of_an_eds(sections: list[str], expected: tuple[int, int, int]) -> None:
     (message,) = found(*sections).messages
     assert (message.identifier, message.length, message.period) == expected
 
 
-def test_who_makes_the_sync_sends_it() -> None:
+def test_the_sync_producer_is_its_sender() -> None:
     sync = variable("1005", "SYNC", "UNSIGNED32", "0x40000080"), variable("1006", "Cycle", "UNSIGNED32", "4000")
     assert [(each.name, each.period) for each in found(*sync).messages] == [("SYNC", 4000)]
 
@@ -76,7 +76,7 @@ ROWS = [
 
 
 @pytest.mark.parametrize(("row", "expected"), [row[1:] for row in ROWS], ids=[row[0] for row in ROWS])
-def test_what_a_network_file_says(row: str, expected: tuple[int, int, int]) -> None:
+def test_traffic_of_a_network_file(row: str, expected: tuple[int, int, int]) -> None:
     (message,) = found(tpdo(), rows=f"  Speed: {{{row}, reason: driving}}\n").messages
     assert (message.period, message.deadline, message.jitter) == expected
     assert message.reason == "driving"

@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
@@ -105,14 +105,14 @@ def decoder() -> Decoder:
 
 
 @rows("cob_id, data, name, text", SERVICES)
-def test_what_a_service_says(decoder: Decoder, cob_id: int, data: str, name: str, text: str) -> None:
+def test_texts_of_services(decoder: Decoder, cob_id: int, data: str, name: str, text: str) -> None:
     meaning = decoder(Frame(cob_id, bytes.fromhex(data)))
     assert (meaning.name, meaning.group, meaning.defects) == (name, "CANopen", ())
     assert text in meaning.text
 
 
 @pytest.mark.parametrize(("cob_id", "data", "name", "text"), BROADCAST)
-def test_what_a_broadcast_service_says(cob_id: int, data: str, name: str, text: str) -> None:
+def test_texts_of_broadcast_services(cob_id: int, data: str, name: str, text: str) -> None:
     meaning = Decoder(())(Frame(cob_id, bytes.fromhex(data)))
     assert (meaning.name, meaning.group, meaning.text, meaning.defects) == (name, "CANopen", text, ())
 
@@ -138,13 +138,13 @@ def test_a_remote_frame_asks_for_the_frame_of_its_identifier(decoder: Decoder) -
 
 def test_a_remote_frame_is_not_kept_as_the_data_frame_of_its_bytes(decoder: Decoder) -> None:
     """A boot-up is one byte 0, as which a remote frame of length 1 is kept."""
-    following = Following(decoder)
+    following = TrackingDecoder(decoder)
     names = [following(0.0, "", each).name for each in (Frame(0x710, b"\0"), RemoteFrame(0x710, b"\0"))]
     assert names == ["Heartbeat", "Node guarding"]
 
 
 def test_answers_to_a_guarding_master(decoder: Decoder) -> None:
-    following = Following(decoder)
+    following = TrackingDecoder(decoder)
     frames = [RemoteFrame(0x702), Frame(0x702, b"\x05"), Frame(0x702, b"\x85"), Frame(0x702, b"\x05")]
     assert [(each.name, each.text) for each in (following(0.0, "", frame) for frame in frames[1:])] == [
         ("Heartbeat", "lift, operational"),  # nobody has asked
@@ -201,7 +201,7 @@ SENDERS = (
         (Frame(0x305), ""),
     ],
 )
-def test_who_sends_it(frame: Frame, sender: str) -> None:
+def test_senders_of_services(frame: Frame, sender: str) -> None:
     io = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16", "0") + pdo(0x1800, "0x20000010", cob_id="0x185")
     devices = [
         Dictionary.read(text.encode(), Path(f"{name}.eds"), node_id)

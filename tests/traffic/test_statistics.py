@@ -52,7 +52,7 @@ def test_an_answer_that_was_lost_is_not_taken_for_a_late_one(seen: SeenTraffic) 
     assert seen.messages[0x011, False].answered == pytest.approx(0.0045)
 
 
-def test_what_nobody_promised_is_counted_all_the_same(seen: SeenTraffic) -> None:
+def test_unpromised_messages_are_counted(seen: SeenTraffic) -> None:
     other = seen.messages[0x100, False]
     assert (other.name, other.node, other.period, other.longest, other.jitter) == (
         "name 256",
@@ -68,7 +68,7 @@ def test_load_has_the_stuff_bits(seen: SeenTraffic) -> None:
     assert seen.load(sum(each.bits for each in seen.messages.values())) == pytest.approx(bits / RATE)
 
 
-def test_nothing_seen_is_no_load() -> None:
+def test_load_without_frames_is_zero() -> None:
     assert SeenTraffic(RATE).load(0) == 0.0
 
 

@@ -11,7 +11,7 @@ from eurobot_od.sdo.client import Transfer, block_download, block_upload, downlo
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import BLOCK_CRC, SEGMENT_SIZE
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.transfers import LssConfiguration
@@ -60,7 +60,7 @@ def decoder() -> Decoder:
 
 def decoded(decoder: Decoder, frames: Iterable[Frame]) -> list[Meaning]:
     """Decode frames that come a millisecond apart."""
-    following = Following(decoder)
+    following = TrackingDecoder(decoder)
     return [following(number / 1000, "can0", frame) for number, frame in enumerate(frames)]
 
 
@@ -192,7 +192,7 @@ def test_a_log_that_begins_in_a_block_is_read_right_from_the_second_segment_on(
         assert meanings[-1].defects == ()
 
 
-def test_what_a_log_lacks_before_its_first_segment_is_said(decoder: Decoder) -> None:
+def test_missing_segments_at_the_start_are_reported(decoder: Decoder) -> None:
     frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(900))
     last = decoded(decoder, frames[-5:])[-1]  # two segments, which are acknowledged, and the end
     assert "value of an object" in last.text
@@ -251,7 +251,7 @@ def test_an_abort_without_an_object_is_of_the_one_that_is_transferred(decoder: D
 def test_channels_of_a_log_and_nodes_do_not_mix(decoder: Decoder) -> None:
     frames = recorded(lambda: upload(OBJECT, WAIT), content_of(20))
     others = [Frame(each.cob_id + 1, each.data) for each in frames]
-    following = Following(decoder)
+    following = TrackingDecoder(decoder)
     meanings = [
         following(0.0, channel, each)
         for row in zip(frames, frames, others)
@@ -313,7 +313,7 @@ def frames_of(text: str, boot: Frame | None = None) -> list[Frame]:
 def test_a_block_that_its_master_left_poisons_nothing_after_it(
     decoder: Decoder, frames: list[Frame], wait: float, words: str
 ) -> None:
-    following = Following(decoder)
+    following = TrackingDecoder(decoder)
     meanings = [
         following(number / 1000 + wait * (number > 4), f"can{0 * number}", each)  # each line has its own text
         for number, each in enumerate(frames)
@@ -355,7 +355,7 @@ def test_a_size_that_the_object_cannot_have_is_said(decoder: Decoder) -> None:
 
 
 @pytest.mark.parametrize(("error", "taken"), [("00", {10: {0: 0x123, 1: 4}}), ("01", {})])
-def test_who_confirms_its_node_id_is_known_by_what_it_was_selected_by(error: str, taken: object) -> None:
+def test_lss_assigns_node_ids_by_selected_identity(error: str, taken: object) -> None:
     configuration = LssConfiguration()
     for asked in ("4023010000", "4104000000", "110A"):
         configuration.take(False, bytes.fromhex(asked).ljust(8, b"\0"))

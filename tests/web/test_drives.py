@@ -385,9 +385,9 @@ def test_a_homing_that_is_slow_to_begin_is_not_taken_for_ended() -> None:
     end, word = MotionEnd(AxisObjects(AXIS, SdoChannel.default(5), SERVO), 0.0, homing=True), 0x1427
     answers = {0.1: word, 0.2: word, 0.3: 0x0027, 0.9: 0x0027, 1.0: word, 1.2: word}
     for at, said in answers.items():
-        assert end.hear(Frame(0x585, bytes.fromhex("4B416000") + said.to_bytes(4, "little")), at)
+        assert end.receive(Frame(0x585, bytes.fromhex("4B416000") + said.to_bytes(4, "little")), at)
         assert not end.done
-    end.hear(Frame(0x585, bytes.fromhex("4B416000") + word.to_bytes(4, "little")), 1.5)
+    end.receive(Frame(0x585, bytes.fromhex("4B416000") + word.to_bytes(4, "little")), 1.5)
     assert end.done
 
 

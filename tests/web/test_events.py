@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.client.watch import Heartbeats
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import NodeHealth
 from eurobot_od.web.events import BusEvents, PageEvent
@@ -21,7 +21,7 @@ READ, ENABLED = "605#4041600000000000", "585#4B41600037060000"
 
 def events(*texts: str, decoder: Decoder = NETWORK) -> list[PageEvent]:
     """Return the events of frames that come a second apart."""
-    following, watch = Following(decoder), BusEvents(decoder)
+    following, watch = TrackingDecoder(decoder), BusEvents(decoder)
     frames = [Frame.parse(each) for each in texts]
     return [
         event

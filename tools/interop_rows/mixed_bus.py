@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from eurobot_od.traffic import services
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from interop_rows.row import Answer, agree
 from interop_rows.tools import run
@@ -44,7 +44,7 @@ def named_by_tshark(folder: Path) -> Answer:
     frames = recorded()
     file = folder / "mixed.log"
     file.write_text(log_text(frames))
-    following = Following(Decoder(dictionaries()))
+    following = TrackingDecoder(Decoder(dictionaries()))
     meanings = [following(time, "can0", frame) for time, frame in frames]
     done = run("tshark", "-r", file, "-d", "can.subdissector,canopen", "-T", "fields", "-e", "_ws.col.Info")
     lines = done.stdout.splitlines()

@@ -1,8 +1,7 @@
-"""Simulated devices that have a profile, made from their files: modules of CiA 401 and drives of CiA 402.
+"""Simulated devices with a profile, made from their files: modules of CiA 401 and drives of CiA 402.
 
-They connect a device to its profile and decide nothing themselves: what an input or output does stands in `Outputs` and
-`Inputs`, what a drive does in `axis`, `modes` and `motion`, which see objects through `AxisValues`, and know neither a
-bus nor a clock. Whatever the objects hold then goes out as any other value does. The profiles' tables are in `od`.
+They connect a device with its profile. Inputs and outputs are in `Outputs` and `Inputs`, drives in `axis`, `modes` and
+`motion`, which access objects through `AxisValues`, without bus and clock. The profiles' tables are in `od`.
 """
 
 from __future__ import annotations
@@ -35,11 +34,11 @@ BLOCKS = range(1, 255)
 """Sub-indices of the blocks of inputs and outputs."""
 
 DEFAULT_TRIGGER = 0b111
-"""What causes the TPDO of an analogue input without 0x6421: both limits, and the delta."""
+"""Default of 0x6421: both limits and the delta of an analogue input cause a TPDO."""
 
 
 def _scaled(values: AxisValues, kind: AnalogueInputs | AnalogueOutputs, sub: int, value: int) -> int:
-    """Return a value by the factor and offset of its channel (CiA 401-1, objects 0x6431, 0x6432, 0x6446, 0x6447)."""
+    """Return a value with its channel's factor and offset (CiA 401-1, objects 0x6431, 0x6432, 0x6446, 0x6447)."""
     return value * values.get(kind.scaling, sub, 1) + values.get(kind.offset, sub)
 
 
@@ -51,7 +50,7 @@ def _blocks(values: AxisValues, index: int) -> Iterator[int]:
 
 
 class Outputs:
-    """The terminals of a module's outputs; `failed` tells whether they have their error values."""
+    """The terminals of a module's outputs; `failed` is set while they have their error values."""
 
     def __init__(self, values: AxisValues) -> None:
         self._values = values
@@ -66,21 +65,22 @@ class Outputs:
         for digital, sub in self._digital:
             self.terminals[digital.value, sub] = self.digital(digital, sub)
         for analogue, sub in self._analogue:
-            # Error mode 0 keeps the value; without the object it is 1 (CiA 401-1, object 0x6443).
+            # Error mode 0 keeps the value; the default is 1 (CiA 401-1, object 0x6443).
             fails = self.failed and self._values.get(analogue.error_mode, sub, 1) == 1
             commanded = self._values.get(analogue.error_value if fails else analogue.value, sub)
-            # The factor comes last, as polarity does for a digital output.
+            # The factor is applied last, like the polarity of a digital output.
             self.terminals[analogue.value, sub] = _scaled(self._values, analogue, sub, commanded)
 
     def digital(self, kind: DigitalOutputs, sub: int) -> int:
-        """Return the value on the terminals of a block."""
-        values, every = self._values, (1 << kind.bits) - 1
+        """Return the value at the terminals of a block."""
+        values = self._values
+        every = (1 << kind.bits) - 1
         value = values.get(kind.value, sub)
         if self.failed:
-            # Bit by bit: a 1 in the error mode has the output take its error value (CiA 401-1, object 0x6206).
+            # An output whose error mode bit is 1 takes its error value (CiA 401-1, object 0x6206).
             mode = values.get(kind.error_mode, sub, every)
             value = value & ~mode | values.get(kind.error_value, sub) & mode
-        # Polarity comes last, so an error value is inverted as well; a 0 in the filter holds what is on the terminal.
+        # Polarity also inverts an error value; a 0 in the filter mask holds the terminal's value.
         terminal = (value ^ values.get(kind.polarity, sub)) & every
         passes = values.get(kind.filter, sub, every)
         return terminal & passes | self.terminals.get((kind.value, sub), 0) & ~passes
@@ -90,18 +90,18 @@ class Outputs:
 
 
 FILTER_TIME = 0.02
-"""Seconds that a filtered input has to be steady before it counts; CiA 401-1 leaves the constant to the maker."""
+"""Filter time of inputs in s; in CiA 401-1 it is manufacturer-specific."""
 
 
 class InputFilter:
-    """The filter of a block of digital inputs, bit by bit: it hides what is shorter than `FILTER_TIME`."""
+    """Filter of a block of digital inputs; each bit must be steady for `FILTER_TIME`."""
 
     def __init__(self, terminals: int) -> None:
         self._last = self._steady = terminals
         self._since: dict[int, float] = {}
 
     def passed(self, terminals: int, now: float) -> int:
-        """Return the terminals as they have been for long enough."""
+        """Return the filtered terminals."""
         changed = terminals ^ self._last
         self._since |= {bit: now for bit in range(changed.bit_length()) if changed >> bit & 1}
         self._last = terminals
@@ -112,7 +112,7 @@ class InputFilter:
 
 
 class Inputs:
-    """A module's inputs: what its objects say about their terminals, and which of them cause TPDOs."""
+    """A module's inputs: values from their terminals, and which of them cause TPDOs."""
 
     def __init__(self, values: AxisValues) -> None:
         self._values = values
@@ -124,18 +124,20 @@ class Inputs:
 
     @property
     def addresses(self) -> set[Address]:
-        """The objects that are inputs."""
+        """Addresses of the inputs."""
         return {*self.digital, *self._analogue}
 
     def value(self, address: Address, terminals: int, now: float) -> int:
-        """Return an input's value from the value on its terminals: filtered and by polarity, or scaled."""
-        sub, digital, analogue = address[1], self.digital.get(address), self._analogue.get(address)
+        """Return an input's value from its terminals: filtered and with polarity, or scaled."""
+        sub = address[1]
+        digital = self.digital.get(address)
+        analogue = self._analogue.get(address)
         if analogue is not None:
             return _scaled(self._values, analogue, sub, terminals)
         if digital is None:
             return terminals
         filtered = self._values.get(digital.filter, sub)
-        # Always asked, so that a filter that is switched on knows the input's past.
+        # Always updated, so that the filter can be enabled at any time.
         steady = self._filters.setdefault(address, InputFilter(terminals)).passed(terminals, now)
         return (steady & filtered | terminals & ~filtered) ^ self._values.get(digital.polarity, sub)
 
@@ -144,7 +146,7 @@ class Inputs:
         self._seen.clear()
 
     def caused(self, present: Mapping[Address, int] = MappingProxyType({})) -> set[Address]:
-        """Return the inputs that have caused a TPDO since this was last asked; `present` are their values."""
+        """Return the inputs that have caused a TPDO since the last call; `present` are their values."""
         causes = {address for address, value in present.items() if self._causes(address, value)}
         # An analogue input is compared with the last value sent, a digital one with its last value.
         taken = {*self.digital, *causes, *(present.keys() - self._seen.keys())}
@@ -153,15 +155,16 @@ class Inputs:
 
     def _causes(self, address: Address, value: int) -> bool:
         last = self._seen.get(address)
-        # The first value after a start causes nothing itself; later ones are compared with it.
+        # The first value after a start causes no TPDO.
         if last is None or last == value:
             return False
         digital = self.digital.get(address)
         return self.by_edge(digital, address[1], last, value) if digital else self._by_level(address[1], last, value)
 
     def by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
-        """Compare with the masks of change, rising and falling edge (CiA 401-1, objects 0x6005 to 0x6008)."""
-        values, every = self._values, (1 << kind.bits) - 1
+        """Return whether a change causes a TPDO by the interrupt masks (CiA 401-1, objects 0x6005 to 0x6008)."""
+        values = self._values
+        every = (1 << kind.bits) - 1
         if not values.get(cia401.INTERRUPT_ENABLE, default=1):  # on by default
             return False
         change = values.get(kind.change, sub, every)
@@ -169,7 +172,7 @@ class Inputs:
         return bool((last ^ value) & change | value & ~last & rising | last & ~value & falling)
 
     def _by_level(self, sub: int, last: int, value: int) -> bool:
-        """Compare with the limits and deltas of an analogue input (CiA 401-1, objects 0x6421 to 0x6428)."""
+        """Return whether a change causes a TPDO by limits and deltas (CiA 401-1, objects 0x6421 to 0x6428)."""
         values = self._values
         if not values.get(cia401.ANALOGUE_INTERRUPT_ENABLE):  # off by default
             return False
@@ -185,7 +188,7 @@ class Inputs:
 
 
 class DeviceValues(AxisValues):
-    """The objects of a node as its profile sees them; they survive a reset of the device."""
+    """Objects of a node for its profile; they outlive resets of the device."""
 
     def __init__(self, node: SimulatedDevice, dictionary: Dictionary, offset: int = 0) -> None:
         super().__init__(dictionary, offset)
@@ -200,17 +203,18 @@ class DeviceValues(AxisValues):
 
 
 class ProfileDevice(SimulatedDevice):
-    """A device whose profile says what it does when nobody can command it."""
+    """A device with a reaction of its profile to lost connections."""
 
     def _connection_lost(self) -> None:
-        """Do what the profile says about a lost heartbeat, a lost bus, and the state Stopped."""
+        """Apply the profile's reaction to a lost heartbeat, a lost bus, and the state Stopped."""
 
     _is_stopped = False
 
     def _react(self, reaction: Reaction) -> None:
         super()._react(reaction)
-        # In Pre-operational a master can still reach it by SDO; in Stopped nobody can.
-        was_stopped, self._is_stopped = self._is_stopped, self.device.state is NmtState.STOPPED
+        # In Stopped, unlike Pre-operational, no master can access it by SDO.
+        was_stopped = self._is_stopped
+        self._is_stopped = self.device.state is NmtState.STOPPED
         if self._is_stopped and not was_stopped:
             self._connection_lost()
 
@@ -229,9 +233,9 @@ class ProfileDevice(SimulatedDevice):
 class SimulatedModule(ProfileDevice):
     """An I/O module of CiA 401, made from its EDS or DCF.
 
-    Waveforms are on the terminals of its inputs. `outputs` are on the terminals of its outputs: by polarity and filter,
-    and with the error values if a heartbeat is lost, the bus is lost or the module is stopped. A TPDO with inputs is
-    sent on a change if one of the inputs may cause it (interrupt masks, limits and deltas).
+    Waveforms are at the terminals of its inputs. `outputs` are the values at the terminals of its outputs, with
+    polarity and filter, and with the error values if a heartbeat or the bus is lost or the module is stopped. A TPDO
+    with inputs is sent on a change that one of its inputs may cause (interrupt masks, limits and deltas).
     """
 
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
@@ -242,14 +246,14 @@ class SimulatedModule(ProfileDevice):
 
     @property
     def outputs(self) -> dict[Address, int]:
-        """The values on the terminals of its outputs, by the objects that command them."""
+        """Values at the terminals of its outputs, by their objects."""
         return dict(self._outputs.terminals)
 
     def _application(self, dictionary: Dictionary) -> Application:
         application = super()._application(dictionary)
         kinds = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
         subs = ((kind.value, sub) for kind in kinds for sub in dictionary.members.get(kind.value, ()) if sub)
-        # The terminal of an input has the value of a waveform, or the one it was given.
+        # The terminal of an input has the value of a waveform, or a given one.
         ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
         ends |= application.measured
         types = {each: data_type(self._variable(each)) for each in ends}
@@ -267,10 +271,12 @@ class SimulatedModule(ProfileDevice):
 
     def reset(self) -> None:
         """Start over: outputs have the file's defaults, no input has changed."""
-        self._inputs, self._outputs, self._begun = Inputs(self._values), Outputs(self._values), False
+        self._inputs = Inputs(self._values)
+        self._outputs = Outputs(self._values)
+        self._begun = False
         super().reset()
 
-    # What is sent
+    # Sending
 
     def _changed(self) -> list[Frame]:
         self.device.pdo_service.settle()
@@ -278,12 +284,13 @@ class SimulatedModule(ProfileDevice):
         if operational and not self._begun:
             self._outputs.failed = False
         self._outputs.refresh()
-        inputs, caused = self._inputs, set[Address]()
+        inputs = self._inputs
+        caused = set[Address]()
         if inputs is not None and operational:
             if not self._begun:
                 inputs.forget()
             caused = inputs.caused({address: self.device.objects.raw(address) for address in inputs.addresses})
-        # Each TPDO is sent once when it may first be sent, whatever causes it later (CiA 301, 7.2.2.4).
+        # On entering OPERATIONAL, every TPDO is sent once (CiA 301, 7.2.2.4).
         allowed = None if operational and not self._begun else partial(self._may_go, caused)
         self._begun = operational
         return self.device.pdo_service.changed(self.now, allowed)
@@ -296,7 +303,7 @@ class SimulatedModule(ProfileDevice):
     # Errors
 
     def _connection_lost(self) -> None:
-        """Give the outputs their error values, as the error modes say (CiA 401-1, objects 0x6206 and 0x6443)."""
+        """Set the outputs to their error values by error mode (CiA 401-1, objects 0x6206 and 0x6443)."""
         self._outputs.failed = True
         self._outputs.refresh()
 
@@ -305,17 +312,17 @@ class SimulatedModule(ProfileDevice):
 
 
 BEAT = 0.005
-"""Seconds between two looks at a moving axis, for TPDOs that are sent on a change; any frame finds present values."""
+"""Time between two updates of a moving axis for event-driven TPDOs, in s; frames always have present values."""
 
 SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
-"""The bits in 0x6502 of the modes that are simulated: mode n has bit n - 1 (CiA 402-2, clause 9)."""
+"""Bits of 0x6502 for the simulated modes: mode n has bit n - 1 (CiA 402-2, clause 9)."""
 
 
 class SimulatedDrive(ProfileDevice):
-    """A drive of CiA 402, made from its EDS or DCF: it is enabled, homes and moves as its objects say.
+    """A drive of CiA 402, made from its EDS or DCF, with simulated motion.
 
-    `travel` gives the places of the limit switches, in turns of the motor from where it is switched on; without it
-    there are none. The simulation reads the objects that the file has: state machine, option codes, profile position
+    `travel` has the positions of the limit switches, in turns of the motor from where it is switched on; default: no
+    switches. The simulation supports the objects that the file has of: state machine, option codes, profile position
     and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
     """
 
@@ -323,7 +330,8 @@ class SimulatedDrive(ProfileDevice):
 
     def __init__(self, dictionary: Dictionary, *, travel: tuple[float, float] | None = None, **options: Any) -> None:
         self._axes: tuple[DriveAxis, ...] = ()
-        self._plant, self._beats = Plant(travel), False
+        self._plant = Plant(travel)
+        self._beats = False
         super().__init__(dictionary, **options)
 
     @property
@@ -332,7 +340,7 @@ class SimulatedDrive(ProfileDevice):
         return self._axes
 
     def _offsets(self, dictionary: Dictionary) -> list[int]:
-        """Return the offset of each axis that the file has, which is added to the indices."""
+        """Return the offset of the indices of each axis in the file."""
         found = (number * cia402.AXIS_STEP for number in range(cia402.MOST_AXES))
         return [each for each in found if dictionary.variable((cia402.CONTROLWORD + each, 0))]
 
@@ -344,7 +352,7 @@ class SimulatedDrive(ProfileDevice):
             told[cia402.CONTROLWORD + offset, 0] = partial(self._commanded, number)
             modes = cia402.SUPPORTED_MODES + offset, 0
             said = dictionary.default(modes) if dictionary.variable(modes) else None
-            if isinstance(said, int):  # without what is not simulated: a master would choose it in vain
+            if isinstance(said, int):  # only simulated modes
                 given[modes] = said & SIMULATED_MODES
         return application._replace(told={**told, **application.told}, given={**given, **application.given})
 
@@ -375,14 +383,14 @@ class SimulatedDrive(ProfileDevice):
             self.raise_error(code, what)
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        # First: a SYNC has to find the present values, and what it brings acts from now on.
+        # First, because a SYNC needs the present values.
         for axis in self._axes:
             axis.advance(now)
         return super().receive(frame, now)
 
     def _changed(self) -> list[Frame]:
         self.device.pdo_service.settle()
-        # 0x1006 is in microseconds (CiA 301, 7.5.2.6); 0 says that nobody sends SYNC.
+        # 0x1006 is in us (CiA 301, 7.5.2.6); 0: no SYNC.
         period = self.device.objects.number(SYNC_PERIOD) / 1_000_000 if self.dictionary.variable(SYNC_PERIOD) else 0.0
         for axis in self._axes:
             axis.sync_period = period or STEP
@@ -393,23 +401,23 @@ class SimulatedDrive(ProfileDevice):
         return super()._changed() + self._flush()
 
     def _beat(self, _: float) -> None:
-        self._beats = False  # the tick that calls this looks after the axes, and plans the next one
+        self._beats = False  # the tick that calls this updates the axes, and plans the next one
 
     # Connection
 
     def _connection_lost(self) -> None:
-        """Obey the abort connection option code of each axis (CiA 402-2, clause 8.4.4)."""
+        """Apply the abort connection option code of each axis (CiA 402-2, clause 8.4.4)."""
         for axis in self._axes:
             axis.connection_lost()
 
 
-# The class for a device
+# Class of a device
 
 
 KINDS: Mapping[int, type[SimulatedDevice]] = {cia401.PROFILE: SimulatedModule, cia402.PROFILE: SimulatedDrive}
-"""The classes by the low word of 0x1000."""
+"""Classes by the low word of 0x1000."""
 
 
 def simulated_kind(dictionary: Dictionary, profile: int | None = None) -> type[SimulatedDevice]:
-    """Return the class that simulates a device of a `profile`, 0 for none; by default of the one in its 0x1000."""
+    """Return the class that simulates a device with a `profile`, 0 for none; default: the one in its 0x1000."""
     return KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)

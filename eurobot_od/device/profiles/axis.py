@@ -1,9 +1,9 @@
-"""One axis of a drive: the state machine of CiA 402, what supervises the motion, and the objects that show it.
+"""One axis of a drive: state machine of CiA 402, supervision of the motion, and its objects.
 
-Theory of operation. `control` is called after each frame and looks at controlword and mode of operation; `advance`
-takes the axis to a time, in steps of `motion.STEP`. Both end by showing in the objects what the axis does. Between
-calls an axis is a state (`cia402.State`), a mode that leads the demand (`modes`), a motor that follows it (`motion`),
-and perhaps a stop that is under way: a ramp, and the arrow of the state machine to take once the motor stands.
+`control` is called after each frame and processes controlword and mode of operation; `advance` advances the axis to a
+time, in steps of `motion.STEP`. Both update the objects at the end. An axis has a state (`cia402.State`), a mode that
+sets the demand (`modes`), a motor that follows it (`motion`), and perhaps a stop: a ramp, and the transition to make
+once the motor stands.
 """
 
 from __future__ import annotations
@@ -18,47 +18,48 @@ from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 
 MOST_STEPS = 1000
-"""Most steps that are made up for; an axis that was not asked for longer than that has stood still meanwhile."""
+"""Most steps of one call; an axis that was not updated for longer has stood still."""
 
 FOLLOWING_ERROR_CODE = 0x8611
 """Error code for a following error that is too large for too long (CiA 402-1)."""
 
 OFF = 0xFFFFFFFF
-"""The following error window of a drive that does not watch the following error (CiA 402-2, clause 12.3.3)."""
+"""Following error window that disables the supervision (CiA 402-2, clause 12.3.3)."""
 
 NO_TORQUE = 0.0005
-"""Share of the torque below which the torque object shows 0."""
+"""Share of the torque below which the object of the torque is 0."""
 
 STOPS: Mapping[tuple[State, State], int] = {
     (State.ENABLED, State.READY): cia402.SHUTDOWN_OPTION,
     (State.ENABLED, State.SWITCHED_ON): cia402.DISABLE_OPTION,
     (State.ENABLED, State.QUICK_STOP): cia402.QUICK_STOP_OPTION,
 }
-"""The option code that says how the motor is stopped, by the arrow of the state machine."""
+"""Option codes for stopping the motor, by states of the transition."""
 
 DECELERATIONS: Mapping[Ramp, int] = {
     Ramp.SLOW_DOWN: cia402.PROFILE_DECELERATION,
     Ramp.QUICK_STOP: cia402.QUICK_STOP_DECELERATION,
 }
-"""The object with the deceleration of a ramp; other ramps are as steep as the motor can manage."""
+"""Objects with the deceleration of a ramp; other ramps are as steep as possible."""
 
 
 class Stop(NamedTuple):
-    """A stop that is under way: its ramp, and the state after it (None: the state stays)."""
+    """A stop: its ramp, and the state after it (None: unchanged)."""
 
     ramp: Ramp
     after: State | None
 
 
 class DriveAxis(MovedAxis):
-    """An axis with its objects; `report` gets the error code of a fault, and None when the fault is reset.
+    """An axis with its objects; `report` is called with the error code of a fault, and with None at its reset.
 
     `plant` is the machine that the motor moves.
     """
 
     def __init__(self, values: AxisValues, plant: Plant, report: Callable[[int | None], object]) -> None:
         super().__init__(values, plant)
-        self._report, self.state = report, State.NOT_READY
+        self._report = report
+        self.state = State.NOT_READY
         self._word, self._left, self._lag = 0, 0, 0.0
         self._stop: Stop | None = None
         self._time: float | None = None
@@ -68,69 +69,70 @@ class DriveAxis(MovedAxis):
     # Controlword and mode
 
     def control(self, now: float) -> None:
-        """Look at what was written: mode of operation, controlword, and the commands of the mode."""
+        """Process written objects: mode of operation, controlword, and the commands of the mode."""
         self.advance(now)
         if self.state is State.NOT_READY:
             self._enter(State.DISABLED)  # transition 1: there is nothing to test
         self._take_mode()
         word = self.values.get(cia402.CONTROLWORD)
-        # Fault reset, new set-point and the start of homing act on rising edges; all other bits act by their levels.
-        rising, self._word = word & ~self._word, word
+        # Fault reset, new set-point and start of homing act on rising edges, other bits by level.
+        rising = word & ~self._word
+        self._word = word
         self._obey(word, rising)
         if self.state is State.ENABLED and not self._is_halted:
             self._mode.command(word, rising)
         self._show()
 
     def commanded(self) -> None:
-        """Take note that a controlword comes, which may be the one before."""
-        self._word, self._left = self._word & ~self._left, 0
+        """Note that a controlword was written, perhaps the same as before."""
+        self._word &= ~self._left
+        self._left = 0
 
     def _take_mode(self) -> None:
         number = _signed(self.values.get(cia402.MODE))
-        if not self.values.has(cia402.MODE):  # a drive with one mode need not have the object
+        if not self.values.has(cia402.MODE):  # optional for a drive with one mode
             number = next(iter(cia402.supported(self.values.get(cia402.SUPPORTED_MODES))), Mode.NONE)
         if number != self._mode_number and self.takes(number):
             self._mode_number = number
             self._mode = MODES[number](self)
-            # Bit 4 set for a set-point is not an edge any more, but means "start" in the next controlword (CiA 402-2,
-            # clause 11: "start or continue"); the mode alone must not move the axis.
+            # Bit 4 that was set for a set-point starts homing only with the next controlword (CiA 402-2, clause 11:
+            # "start or continue"); the mode alone must not move the axis.
             self._left = cia402.HOMING_START if number == Mode.HOMING else 0
-            # A torque that nobody commands any more would go on for ever; the next mode starts with the present
-            # velocity.
+            # The torque of the old mode ends; the new mode starts with the present velocity.
             self.demand.torque = None
             self.following_error, self._lag = False, 0.0
 
     def takes(self, mode: int) -> bool:
-        """Return whether the drive has a mode: the file says so, and it can be simulated."""
+        """Return whether the drive has a mode in its file that can be simulated."""
         said = self.values.get(cia402.SUPPORTED_MODES, default=-1)
         return mode in MODES and (mode == Mode.NONE or bool(said >> mode - 1 & 1))
 
     def _obey(self, word: int, rising: int) -> None:
         command = cia402.command_of(word)
-        # Otherwise a master that leaves bit 7 set would reset every fault at once (CiA 402-2: rising edge).
+        # Fault reset needs a rising edge (CiA 402-2).
         if command is DriveCommand.FAULT_RESET and not rising & cia402.FAULT_RESET:
             return
-        # "Enable operation" takes two arrows in READY (CiA 402-2, table of commands), any other command one.
+        # "Enable operation" makes two transitions in READY (CiA 402-2, table of commands).
         for _ in range(2 if command is DriveCommand.ENABLE else 1):
             arrow = self.arrow(command)
             if arrow is not None:
                 self.take(arrow)
 
     def arrow(self, command: DriveCommand | None) -> Transition | None:
-        """Return the arrow that a command takes in the present state; None if it takes none."""
+        """Return the transition of a command in the present state, or None."""
         if command is DriveCommand.ENABLE and self.state is State.READY:
             command = DriveCommand.SWITCH_ON
         if self._stop is not None and command is DriveCommand.ENABLE and self.state is State.ENABLED:
-            self._stop = None  # it was being stopped, and now goes on
+            self._stop = None  # the stop is cancelled
         arrow = ARROWS.get((self.state, command)) if command else None
-        # Otherwise a drive on its way there would restart its ramp with each controlword.
+        # A repeated controlword does not restart the ramp.
         if arrow is None or (self._stop and self._stop.after is arrow.after):
             return None
         stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
         return None if arrow.number == 16 and not stays else arrow
 
     def take(self, arrow: Transition) -> None:
-        """Take an arrow of the state machine, after a stop if its option code asks for one."""
+        """Make a transition, after a stop if its option code requires one."""
         if arrow.before is State.FAULT:
             self.values.put(cia402.ERROR_CODE, 0)
             self._report(None)
@@ -142,7 +144,7 @@ class DriveAxis(MovedAxis):
             stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
             self._stop = Stop(ramp, None if stays else State.DISABLED)
         elif ramp is Ramp.FREE or self.stands:
-            # Without a ramp, a quick stop takes the torque away at once and its state is over.
+            # Without a ramp, a quick stop removes the torque at once.
             self._enter(State.DISABLED if is_quick_stop else arrow.after)
         else:
             self._stop = Stop(ramp, arrow.after)
@@ -151,15 +153,16 @@ class DriveAxis(MovedAxis):
         return _signed(self.values.get(index, default=cia402.DEFAULT_OPTION[index]))
 
     def _ramp(self, index: int) -> Ramp:
-        """Return the ramp of an option code; one that CiA 402 does not define counts as the default."""
+        """Return the ramp of an option code; the default for an undefined code."""
         ramps = cia402.OPTIONS[index]
         return ramps.get(self._option(index), ramps[cia402.DEFAULT_OPTION[index]])
 
     def _enter(self, state: State) -> None:
         powered = self.state in POWERED
-        self.state, self._stop = state, None
+        self.state = state
+        self._stop = None
         if state is State.ENABLED or not powered:
-            # With torque again, the motor holds where it is, and goes on as fast as it turns.
+            # With torque again, the demand starts from the motor's position and velocity.
             self.demand = Demand(self.motor.position, self.motor.velocity)
         if state not in POWERED:
             self.demand.velocity = 0.0
@@ -170,8 +173,8 @@ class DriveAxis(MovedAxis):
     # Faults
 
     def fault(self, code: int) -> None:
-        """Take transition 13: stop the motor as the fault reaction option code says, and go to Fault."""
-        # The first fault is the cause, and must not be hidden by what follows while the motor comes to rest.
+        """Make transition 13: stop the motor by the fault reaction option code, and enter Fault."""
+        # The first fault is the cause; later ones must not replace it.
         if self.state in (State.FAULT, State.FAULT_REACTION):
             return
         self.values.put(cia402.ERROR_CODE, code)
@@ -185,9 +188,9 @@ class DriveAxis(MovedAxis):
         self._show()
 
     def connection_lost(self) -> None:
-        """Obey the abort connection option code (CiA 402-2, clause 8.4.4), as a heartbeat or the bus is lost."""
+        """Apply the abort connection option code (CiA 402-2, clause 8.4.4) after a lost heartbeat or bus."""
         reaction = _signed(self.values.get(cia402.ABORT_CONNECTION, default=1))
-        # 0 does nothing, and neither does a code that CiA 402 does not define.
+        # 0 and undefined codes do nothing.
         if reaction == 1:
             self.fault(0x8130)  # life guard or heartbeat error (CiA 301, Table 26)
         elif reaction in (2, 3):
@@ -200,12 +203,12 @@ class DriveAxis(MovedAxis):
 
     @property
     def busy(self) -> bool:
-        """Whether anything changes with time, so that `advance` has to be called at each step."""
+        """Whether the axis changes with time, so that `advance` has to be called at each step."""
         if self.state not in POWERED:
             return self.motor.velocity != 0
-        # Half a unit: the objects show whole ones.
+        # The objects have whole units.
         lags = self._mode.controls_position and abs(self.demand.position - self.motor.position) > 0.5
-        # The torque that is shown falls to 0 one step after the motion has ended.
+        # The torque becomes 0 one step after the end of the motion.
         pushes = self.demand.torque is None and abs(self.motor.torque) >= NO_TORQUE
         still = self.stands and abs(self.motor.velocity) < 1e-3 and not (lags or pushes) and self._stop is None
         return not (still and (self._mode.settled or self._is_halted or self.state is not State.ENABLED))
@@ -215,14 +218,13 @@ class DriveAxis(MovedAxis):
         return bool(self._word & cia402.HALT)
 
     def advance(self, now: float) -> None:
-        """Let time pass until now."""
+        """Advance the axis to a time."""
         if self._time is None or not self.busy:
             self._time = now
             return
-        # The sum of many steps may be a hair off: a step that is due now still counts.
+        # 1e-6 for rounding errors of many steps.
         steps = int((now - self._time) / STEP + 1e-6)
-        # After a long halt, as in a debugger, the axis goes on from here and does not rush through the time it has
-        # missed.
+        # After a long halt, as in a debugger, the missed time is skipped.
         self._time = now if steps > MOST_STEPS else self._time + steps * STEP
         for _ in range(min(steps, MOST_STEPS)):
             self.step()
@@ -230,9 +232,9 @@ class DriveAxis(MovedAxis):
             self._show()
 
     def step(self) -> None:
-        """Let one STEP pass: lead the demand, and let the motor follow it."""
+        """Make one STEP: set the demand, and let the motor follow it."""
         if self.state not in POWERED:
-            # Nothing leads it: the demand moves along, so that it does not jump when there is torque again.
+            # The demand follows the motor, so that it does not jump when there is torque again.
             self.motor.coast()
             self.demand.position = self.motor.position
             return
@@ -242,7 +244,7 @@ class DriveAxis(MovedAxis):
             self._enter(self._stop.after)
 
     def _follow(self) -> None:
-        # The position itself may be wrong: a fault is stopped by velocity alone.
+        # A fault is stopped by velocity control, because the position may be wrong.
         controls_position = self._mode.controls_position and self.state is not State.FAULT_REACTION
         if self.demand.torque is None:
             self.motor.follow(self.demand, controls_position)
@@ -255,32 +257,32 @@ class DriveAxis(MovedAxis):
             self.demand.position = self.motor.position
 
     def lead(self) -> None:
-        """Move the demand by one STEP: along the ramp that stops it, or as the mode of operation says."""
+        """Move the demand by one STEP: along a stop's ramp, or by the mode of operation."""
         ramp = self._ramp_now
         if ramp is not None:
             self.demand.to_velocity(0.0, 1.0, self._deceleration(ramp))
             return
-        # Homing looks for the limit switches; in any other mode they end the motion.
+        # Homing searches the limit switches; in other modes they end the motion.
         if isinstance(self._mode, Homing):
             self._mode.step()
             return
-        before = self.demand.position, self.demand.velocity
+        position, velocity = self.demand.position, self.demand.velocity
         self._mode.step()
         leads = self.demand.velocity if self.demand.torque is None else self.demand.torque
-        # Only the switch ahead stops it: an axis that stands on one must be able to leave it.
+        # Only the switch ahead, so that an axis on a switch can leave it.
         moves = int(copysign(1, leads)) if leads else 0
         if moves and self.motor.switches & cia402.LIMITS[moves]:
-            self.demand.position, self.demand.velocity = before
+            self.demand.position, self.demand.velocity = position, velocity
             self.demand.to_velocity(0.0, 1.0, self._deceleration(Ramp.QUICK_STOP))
             self.limited = True
 
     @property
     def _ramp_now(self) -> Ramp | None:
-        """The ramp on which the axis is stopped now, None while its mode leads it."""
+        """Ramp of the present stop or halt, None while the mode moves the axis."""
         if self._stop is not None:
             return self._stop.ramp
         if self.state is not State.ENABLED:
-            return Ramp.QUICK_STOP  # it stands, and stays where it is
+            return Ramp.QUICK_STOP
         return self._ramp(cia402.HALT_OPTION) if self._is_halted else None
 
     def _deceleration(self, ramp: Ramp) -> float:
@@ -290,7 +292,7 @@ class DriveAxis(MovedAxis):
         return self.acceleration(index)
 
     def _supervise(self) -> None:
-        """Check whether the motor follows (CiA 402-2, clause 12.3)."""
+        """Check the following error (CiA 402-2, clause 12.3)."""
         window = self.values.get(cia402.FOLLOWING_WINDOW, default=OFF) & OFF
         if window == OFF:
             return
@@ -300,23 +302,27 @@ class DriveAxis(MovedAxis):
         if self.following_error:
             self.fault(FOLLOWING_ERROR_CODE)
 
-    # What the objects show
+    # Objects
 
     @property
     def statusword(self) -> int:
         """The statusword: state, voltage, remote, and the bits of the mode."""
         word = self.state.bits | cia402.VOLTAGE | cia402.REMOTE
         if self.state not in (State.QUICK_STOP, State.FAULT, State.FAULT_REACTION):
-            # Bit 5 is 0 while a quick stop is active; in a fault it may be anything (CiA 402-2, table of states).
+            # Bit 5 is 0 during a quick stop, and undefined in a fault (CiA 402-2, table of states).
             word |= cia402.NO_QUICK_STOP
         if self.state is State.ENABLED:
             word |= self._mode.halt_bits if self._is_halted else self._mode.bits
-        if self.state is State.QUICK_STOP:
-            word |= cia402.TARGET_REACHED * self.stands
-        return word | cia402.INTERNAL_LIMIT * (self.limited and self.state is State.ENABLED)
+        if self.state is State.QUICK_STOP and self.stands:
+            word |= cia402.TARGET_REACHED
+        if self.limited and self.state is State.ENABLED:
+            word |= cia402.INTERNAL_LIMIT
+        return word
 
     def _show(self) -> None:
-        motor, demand, velocity = self.motor, self.demand, self.units.velocity
+        motor = self.motor
+        demand = self.demand
+        velocity = self.units.velocity
         powered = self.state in POWERED
         torque = round(1000 * motor.torque) if powered else 0
         shown = {
@@ -340,5 +346,5 @@ class DriveAxis(MovedAxis):
 
 
 def _signed(value: int) -> int:
-    """Return a signed number of 8 or 16 bits; some makers' files write -1 as 0xFF."""
+    """Return a signed number of 8 or 16 bits; some files write -1 as 0xFF."""
     return value - 0x100 if 0x80 <= value <= 0xFF else value

@@ -1,6 +1,6 @@
-"""The modes of operation of a drive (CiA 402-2, clauses 9 to 17): each leads the demand and has bits of its own.
+"""Modes of operation of a drive (CiA 402-2, clauses 9 to 17): each sets the demand and has its own bits.
 
-A mode sees its axis as a `MovedAxis`. It changes only the demand; homing also moves the origin.
+A mode accesses its axis as a `MovedAxis`. It changes only the demand; homing also moves the origin.
 """
 
 from __future__ import annotations
@@ -15,44 +15,44 @@ from eurobot_od.od.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, S
 
 
 class ModeOfOperation:
-    """A mode in which nothing moves; subclasses say what is different."""
+    """A mode in which nothing moves; the base class of other modes."""
 
     controls_position: ClassVar = True
-    """Whether the position is controlled, so that there is a following error."""
+    """Whether the position is controlled, so that a following error exists."""
 
     def __init__(self, axis: MovedAxis) -> None:
         self.axis = axis
         self.begin()
 
     def begin(self) -> None:
-        """Begin with operation: earlier commands no longer count."""
+        """Start over when operation is enabled: earlier commands are dropped."""
 
     def command(self, word: int, rising: int) -> None:
-        """Take in a controlword, and the bits that are newly set in it."""
+        """Process a controlword; `rising` are the bits that have become 1."""
 
     def step(self) -> None:
-        """Lead the demand for one step."""
+        """Set the demand for one step."""
         ramp = self.axis.acceleration(cia402.PROFILE_DECELERATION)
         self.axis.demand.to_velocity(0.0, ramp, ramp)
 
     @property
     def bits(self) -> int:
-        """The mode's own bits of the statusword."""
+        """The mode's bits of the statusword."""
         return 0
 
     @property
     def halt_bits(self) -> int:
-        """The same while the axis is halted: the target is reached once it stands."""
+        """The mode's bits while the axis is halted: the target is reached once it stands."""
         return self.bits & ~TARGET_REACHED | TARGET_REACHED * self.axis.stands
 
     @property
     def settled(self) -> bool:
-        """Whether nothing changes until there is a new command."""
+        """Whether nothing changes before the next command."""
         return self.axis.demand.velocity == 0
 
 
 class SetPoint(NamedTuple):
-    """Where to move, and how fast."""
+    """Target position and velocity of a motion."""
 
     target: float
     velocity: float
@@ -69,8 +69,8 @@ class ProfilePosition(ModeOfOperation):
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
-        # Bit 4 acts on its rising edge, so that a repeated controlword is not a second set-point. There is room for one
-        # set-point at work and one that waits (CiA 402-2, clause 10).
+        # Bit 4 acts on its rising edge, so that a repeated controlword is not a second set-point. One set-point may
+        # wait while another is active (CiA 402-2, clause 10).
         if rising & cia402.NEW_SET_POINT and self._next is None:
             found = self._set_point(bool(word & cia402.RELATIVE))
             self._acknowledged = True
@@ -85,20 +85,21 @@ class ProfilePosition(ModeOfOperation):
         target: float = axis.values.get(cia402.TARGET_POSITION)
         if relative:
             last = self._next or self._target
-            # Relative to the set-point before, not to where the axis is, so that errors do not add up in a row of them.
+            # Relative to the previous set-point, so that errors do not add up.
             target += last.target if last else axis.demand.position
         low, high = software_limits(axis.values)
-        # Cut and flagged (bit 11 of the statusword): its PDO has been accepted, so nothing can be refused any more.
+        # Limited and reported by bit 11 of the statusword, because a PDO cannot be refused.
         axis.limited = not low <= target <= high
         fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
         velocity = min(axis.velocity(cia402.PROFILE_VELOCITY, default=axis.units.turn), fastest)
         return SetPoint(min(max(target, low), high), velocity)
 
     def _begin_move(self, set_point: SetPoint) -> None:
-        self._target, self._inside = set_point, 0.0  # seconds in the target window
+        self._target = set_point  # seconds in the target window
+        self._inside = 0.0
 
     def _release(self) -> None:
-        # A set-point is acknowledged until the bit is cleared and there is room for another one.
+        # The acknowledge bit stays set until the command bit is cleared and another set-point may come.
         if not self._commanded and self._next is None:
             self._acknowledged = False
 
@@ -113,9 +114,9 @@ class ProfilePosition(ModeOfOperation):
             return
         ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
         axis.demand.to_position(*self._target, *ramps)
-        # Without a window it has to be within one unit: the motor's place is not a whole number.
+        # Without a window, within one unit, because the motor's position is not a whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
-        # The demand has to be there, too: a motor that lags may pass through the window on its way.
+        # The demand must have arrived, too, because a lagging motor may pass through the window.
         is_inside = self._arrived and abs(self._target.target - axis.motor.position) <= window
         self._inside = self._inside + STEP if is_inside else 0.0
         if self._next is not None and self._arrived:
@@ -130,8 +131,11 @@ class ProfilePosition(ModeOfOperation):
 
     @property
     def bits(self) -> int:
-        is_reached = self._reached and self._next is None
-        return TARGET_REACHED * is_reached | BIT_12 * self._acknowledged | BIT_13 * self.axis.following_error
+        return (
+            (TARGET_REACHED if self._reached and self._next is None else 0)
+            | (BIT_12 if self._acknowledged else 0)
+            | (BIT_13 if self.axis.following_error else 0)
+        )
 
     @property
     def settled(self) -> bool:
@@ -139,7 +143,7 @@ class ProfilePosition(ModeOfOperation):
 
 
 class VelocityMode(ModeOfOperation):
-    """Turns at the sum of the objects `TARGETS`, but no faster than any of the objects `MOST` allows."""
+    """Moves with the sum of the objects `TARGETS`, limited by the objects `MOST`."""
 
     controls_position = False
     TARGETS: ClassVar[tuple[int, ...]] = (cia402.TARGET_VELOCITY,)
@@ -149,7 +153,7 @@ class VelocityMode(ModeOfOperation):
     def _wanted(self) -> float:
         axis = self.axis
         wanted = sum(axis.velocity(each, default=0.0) for each in self.TARGETS)
-        # Infinite for an object that the drive does not have: it limits nothing.
+        # Infinite without the object.
         fastest = min(axis.velocity(each) for each in self.MOST)
         return within_limits(axis, min(max(wanted, -fastest), fastest))
 
@@ -169,14 +173,14 @@ class ProfileVelocity(VelocityMode):
         axis.demand.to_velocity(self._wanted, *ramps)
 
     def _near(self, velocity: float, window: int) -> bool:
-        # Without the object: what rounding leaves of a velocity that has been reached.
+        # Without the object, only rounding errors are allowed.
         allowed = self.axis.velocity(window, default=self.axis.units.velocity)
         return abs(self.axis.motor.velocity - velocity) <= max(allowed, self.axis.units.velocity)
 
     @property
     def bits(self) -> int:
         wanted = self.axis.velocity(cia402.TARGET_VELOCITY, default=0.0)
-        # In this mode, which has no acknowledge, bit 12 means "speed is 0" (CiA 402-2, clause 14).
+        # In this mode, bit 12 means "speed is 0" (CiA 402-2, clause 14).
         reached = self._near(wanted, cia402.VELOCITY_WINDOW)
         return TARGET_REACHED * reached | BIT_12 * self._near(0.0, cia402.VELOCITY_THRESHOLD)
 
@@ -187,19 +191,20 @@ class CyclicPosition(ModeOfOperation):
     def begin(self) -> None:
         self._target = self.axis.demand.position
         self._rate, self._left = 0.0, 0.0
-        # The present value was meant for another time: only a new target moves the axis.
+        # Only a new target moves the axis.
         self._seen = self.axis.values.get(cia402.TARGET_POSITION)
 
     def command(self, word: int, rising: int) -> None:
-        axis, target = self.axis, self.axis.values.get(cia402.TARGET_POSITION)
+        axis = self.axis
+        target = self.axis.values.get(cia402.TARGET_POSITION)
         if target != self._seen:
             self._seen = target
             low, high = software_limits(axis.values)
             wanted = target + axis.values.get(cia402.POSITION_OFFSET)
             self._target = min(max(wanted, low), high)
             axis.limited = wanted != self._target
-            # On a straight line, so that the target is reached when the next one comes: after the interpolation time,
-            # or else the period of SYNC.
+            # With constant velocity, so that the target is reached when the next one comes: after the interpolation
+            # time, or else the period of SYNC.
             value, exponent = (axis.values.get(cia402.INTERPOLATION_TIME, sub) for sub in (1, 2))
             self._left = max(value * 10.0**exponent if value else axis.sync_period, STEP)
             self._rate = (self._target - axis.demand.position) / self._left
@@ -210,7 +215,7 @@ class CyclicPosition(ModeOfOperation):
         if self._left > STEP / 2:
             demand.velocity = self._rate
             demand.position += self._rate * STEP
-        else:  # the velocity stays until a target fails to come: otherwise it would fall at each of them
+        else:  # the velocity stays until the next target is overdue
             demand.velocity = self._rate if self._left > -STEP else 0.0
             demand.position = self._target
 
@@ -226,7 +231,7 @@ class CyclicPosition(ModeOfOperation):
 class CyclicVelocity(VelocityMode):
     """Turns at a velocity that comes with each SYNC (CiA 402-2, clause 16)."""
 
-    # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
+    # The offset is optional, and added to each target (CiA 402-2, clause 16).
     TARGETS = (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET)
 
     def step(self) -> None:
@@ -247,7 +252,7 @@ class CyclicTorque(ModeOfOperation):
     def wanted(self) -> float:
         """The commanded torque within its limit, as a share of the motor's torque."""
         values = self.axis.values
-        # Both objects count in per mille of the rated torque, which is all that this motor has.
+        # Both objects are in 0.1 % of the rated torque, which is this motor's maximum.
         per_mille = values.get(cia402.TARGET_TORQUE) + values.get(cia402.TORQUE_OFFSET)
         most = min(values.get(cia402.MAX_TORQUE, default=1000), 1000)
         return min(max(per_mille, -most), most) / 1000
@@ -262,7 +267,7 @@ class CyclicTorque(ModeOfOperation):
     @property
     def settled(self) -> bool:
         plant = self.axis.motor.plant
-        held = abs(self.wanted) * plant.acceleration <= plant.friction  # otherwise it merely turns
+        held = abs(self.wanted) * plant.acceleration <= plant.friction  # otherwise it turns
         return super().settled and held and self.axis.demand.torque == self.wanted
 
 
@@ -279,11 +284,11 @@ class ProfileTorque(CyclicTorque):
 
 
 FARTHEST = 2 * ROUND
-"""Turns after which homing gives up on an axis without ends: it has seen everything."""
+"""Turns after which homing of an axis without ends fails."""
 
 
 class Homing(ModeOfOperation):
-    """Finds its place, by the method in 0x6098 (CiA 402-2, clause 11)."""
+    """Finds the home position by the method in 0x6098 (CiA 402-2, clause 11)."""
 
     def begin(self) -> None:
         self._steps: Iterator[Seek] = iter(())
@@ -297,15 +302,17 @@ class Homing(ModeOfOperation):
             self.begin()
             self.axis.homed = False
             method = cia402.METHODS.get(self.axis.values.get(cia402.HOMING_METHOD))
-            self._failed, self._runs = method is None, method is not None
+            self._failed = method is None
+            self._runs = method is not None
             self._steps = iter(method.steps if method else ())
             self._go_on()
-        # Clearing the bit interrupts it (CiA 402-2, clause 11).
+        # Clearing the bit interrupts homing (CiA 402-2, clause 11).
         elif self._runs and not word & cia402.HOMING_START:
             self._runs, self._seek = False, None
 
     def _go_on(self) -> None:
-        self._seek, self._turned = next(self._steps, None), 0
+        self._seek = next(self._steps, None)
+        self._turned = 0
         self._index, self._begun = self.axis.motor.index, self.axis.motor.position
 
     def step(self) -> None:
@@ -323,16 +330,17 @@ class Homing(ModeOfOperation):
         self._look(seek, direction)
 
     def _look(self, seek: Seek, direction: int) -> None:
-        motor, switch = self.axis.motor, seek.switch
+        motor = self.axis.motor
+        switch = seek.switch
         is_there = motor.index != self._index if switch is None else bool(motor.switches & switch) is seek.active
-        if self.axis.demand.velocity * direction <= 0:  # it is turning round: what it passes does not count
+        if self.axis.demand.velocity * direction <= 0:  # while it reverses, switches are ignored
             self._index = motor.index
         elif is_there:
             self._home = motor.position
             self._go_on()
         elif motor.switches & LIMITS[direction]:
             self._turned += 1
-            if not seek.turns or self._turned > 1:  # it has seen both ends, and no switch
+            if not seek.turns or self._turned > 1:  # it has reached both ends without the switch
                 self._fail()
         elif motor.plant.travel is None and abs(motor.position - self._begun) > FARTHEST * motor.turn:
             self._fail()
@@ -341,10 +349,10 @@ class Homing(ModeOfOperation):
         self._failed, self._runs, self._seek = True, False, None
 
     def _arrive(self) -> None:
-        """Make the place that was found home: its position is what the home offset says (clause 11.4.1)."""
+        """Make the found place home, whose position is the home offset (clause 11.4.1)."""
         axis = self.axis
         home = axis.motor.position if self._home is None else self._home
-        # Position 0 is one home offset away from home.
+        # Home has the position of the home offset.
         by = -axis.values.get(cia402.HOME_OFFSET) - home
         axis.motor.shift(by)
         axis.demand.position += by
@@ -355,10 +363,10 @@ class Homing(ModeOfOperation):
         stands = self.axis.stands
         if self._failed:
             return BIT_13 | TARGET_REACHED * stands
-        # A home that was found is one in whatever mode the axis has been since: "completed" is about the procedure.
+        # Homing stays completed even if the mode was changed since.
         if self.axis.homed:
             return BIT_12 | TARGET_REACHED * stands
-        return 0 if self._runs else TARGET_REACHED  # not started, or interrupted
+        return 0 if self._runs else TARGET_REACHED  # if not started, or interrupted
 
     @property
     def settled(self) -> bool:
@@ -375,17 +383,17 @@ MODES: Mapping[int, type[ModeOfOperation]] = {
     Mode.CYCLIC_VELOCITY: CyclicVelocity,
     Mode.CYCLIC_TORQUE: CyclicTorque,
 }
-"""The modes that a simulated drive can have; its file says which of them it has."""
+"""Classes of the modes that can be simulated; a drive has those in its file."""
 
 
 def software_limits(values: AxisValues) -> tuple[float, float]:
-    """Return the least and the greatest position; infinite where the file has no limits, or limits that exclude all."""
+    """Return the lowest and highest position; infinite without valid limits in the file."""
     low, high = (values.get(cia402.SOFTWARE_LIMIT, sub) for sub in (1, 2))
     return (low, high) if low < high else (-inf, inf)
 
 
 def within_limits(axis: MovedAxis, velocity: float) -> float:
-    """Return a velocity at which the axis can still stop before the software limit ahead; note if it is less."""
+    """Return the velocity, limited so that the axis can stop before the software limit; note if it is limited."""
     low, high = software_limits(axis.values)
     way = high - axis.demand.position if velocity > 0 else axis.demand.position - low
     ramp = axis.acceleration(cia402.PROFILE_DECELERATION)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
-from eurobot_od.device.bound import Application, BoundObject, period, scaled, seconds, setting, together
+from eurobot_od.device.bound import Application, BoundObject, combined, period, scaled, seconds, setting
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
@@ -85,7 +85,7 @@ class Drive(FollowingNode):
     reason. `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
 
-    limits = together(
+    limits = combined(
         MotionLimits,
         maximum_speed=setting("Motion.Maximum speed"),
         acceleration=setting("Motion.Acceleration"),
@@ -100,7 +100,7 @@ class Drive(FollowingNode):
     robot_radius = setting("Body.Robot radius")
     safety_margin = setting("Body.Safety margin")
     position_margin = setting("Body.Position margin")
-    tuning = together(
+    tuning = combined(
         Tuning,
         navigation=scaled("Estimate.Navigation deviation", 1.0),
         navigation_angle=scaled("Estimate.Navigation angle deviation", 0.1),

@@ -1,4 +1,4 @@
-"""What is wrong on a bus, and what to do: frames in, incidents out.
+"""Diagnoses a bus: takes frames, and returns incidents with causes and remedies.
 
 A `Diagnosis` takes what `decode` and `monitor` take: meanings with their times, channels and places. For each bus it
 has watchers (`nodes`, `transfers`, `pdos`, and a robot's own), which report what breaks a rule of the table (`rules`).
@@ -21,7 +21,7 @@ from eurobot_od.lint.findings import LEVELS, Severity
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.texts import text as duration
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.diagnosis.deadlines import DeadlineWatcher
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Take, Watcher
@@ -38,13 +38,13 @@ from eurobot_od.traffic.meaning import CANOPEN, Decoder, Meaning, SdoTransfer
 from eurobot_od.traffic.statistics import NOTHING
 
 TICK = 0.02
-"""Seconds after which watchers look for what did not come."""
+"""Interval in which watchers look for missing frames, in s."""
 
 SILENCE = 1.0
-"""Seconds without any frame after which the log may have a gap."""
+"""Minimum time without frames that may be a gap in the log, in s."""
 
 DELTAS = 0.2
-"""Share of the frames whose time is before that of the frame before, from which on times are taken as differences."""
+"""Minimum share of frames with decreasing times from which the log's times count as differences."""
 
 BUS_OFF = 0x40
 """Class bit of Linux's error frames: the controller is bus-off (linux/can/error.h)."""
@@ -58,20 +58,20 @@ OF_DAMAGE = {
     Damage.UNKNOWN_MAPPING: BusRule.PDO_MAPPING_UNKNOWN,
     Damage.OUT_OF_RANGE: BusRule.OUT_OF_RANGE,
 }
-"""The rule for a defect that says all by itself."""
+"""Rules for defects that need no context."""
 
 
 WatchersOf: TypeAlias = Callable[[Decoder], Iterable[type[Watcher]]]
-"""Returns what plug-ins watch on a bus with the devices of a decoder."""
+"""Returns the watchers of plug-ins for a bus with the devices of a decoder."""
 
 
 def nobody(_: Decoder) -> Iterable[type[Watcher]]:
-    """Return that no plug-in watches anything."""
+    """Return no watchers, without plug-ins."""
     return ()
 
 
 class WatchedBus:
-    """One bus with all its watchers; `more` are those of plug-ins."""
+    """A bus with all its watchers; `more` returns those of plug-ins."""
 
     def __init__(self, bus: ObservedBus, more: WatchersOf, bit_rate: int, promised: MessageSet = NOTHING) -> None:
         self.bus, self.bit_rate, self._more = bus, bit_rate, more
@@ -90,10 +90,12 @@ class WatchedBus:
         self._promised = promised
         self._load = BusLoad(bus, bit_rate)
         self._first: SeenAt | None = None
-        self._frames, self._backwards, self._went_back = 0, "", Occurrences()
+        self._frames = 0
+        self._backwards = ""
+        self._went_back = Occurrences()
 
     def _watch_more(self) -> None:
-        """Have watchers of plug-ins watch for the devices that are known now, and all say anew what they listen to."""
+        """Add the watchers of plug-ins for the devices known now, and ask all again what they listen to."""
         there = set(map(type, self._watchers))
         self._watchers += [each(self.bus) for each in self._more(self.bus.decoder) if each not in there]
         names = {name for each in self._watchers for name in each.SERVICES}
@@ -101,7 +103,7 @@ class WatchedBus:
         self.bus.listeners.clear()
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in what came at a time in s."""
+        """Process an entry at a time in s."""
         bus, raw = self.bus, meaning.raw
         if not bus.now <= time < self._due:
             self._pass_time(time, raw)
@@ -118,7 +120,7 @@ class WatchedBus:
                 take(time, meaning)
 
     def _pass_time(self, time: float, raw: Raw) -> None:
-        """Notice what the time of an entry shows by itself: a gap, what did not come, the load until then."""
+        """Process the time of an entry: gaps, missing frames, the load until then."""
         bus = self.bus
         if self._first is None:
             bus.frame, bus.began = raw, time
@@ -140,7 +142,7 @@ class WatchedBus:
         self._due = min(self._tick_at, self._load.due)
 
     def _takers(self, meaning: Meaning, frame: Frame) -> tuple[Take, ...]:
-        """Return who listens to a frame: of a service, or of a PDO that comes for the first time."""
+        """Return the watchers of a frame: of a service, or of a PDO's first frame."""
         if meaning.group == CANOPEN:
             self.bus.counts[meaning.name] += 1
             return self._services.get(meaning.name, ()) if meaning.is_read else ()
@@ -168,7 +170,7 @@ class WatchedBus:
                     self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
 
     def _without_file(self, who: str, subject: int | str, said: str) -> None:
-        """Report a frame under an identifier of no file: a node's that has none, or anybody's."""
+        """Report a frame under an identifier that is in no file."""
         if who:
             text = f"sends or receives PDOs, the first under 0x{subject:03X}, and has no file"
             self.bus.found(BusRule.PDO_WITHOUT_FILE, who, text)
@@ -176,7 +178,7 @@ class WatchedBus:
             self.bus.found(BusRule.PDO_UNKNOWN, who, said, subject)
 
     def shown(self, ended: SdoTransfer, decoder: Decoder) -> None:
-        """Take in what a transfer has shown, and the decoder that there is from now on."""
+        """Process what a transfer has shown, and use a decoder from now on."""
         if decoder is not self.bus.decoder:
             self.bus.decoder = decoder
             self.pdos.changed()
@@ -200,13 +202,14 @@ class WatchedBus:
         self._load.restart(time)
 
     def tick(self, time: float) -> None:
-        """Notice what did not come until now, s."""
-        self._tick_at, self.bus.frame = time + TICK, None
+        """Report frames missing until now, in s."""
+        self._tick_at = time + TICK
+        self.bus.frame = None
         for each in self._watchers:
             each.tick(time)
 
     def end(self, time: float) -> None:
-        """Report what is open at the end of the log, or of the watch."""
+        """Report what is unresolved at the end of the log or watch."""
         self.bus.frame = None
         for each in self._watchers:
             each.end(max(time, self.bus.now))
@@ -222,12 +225,12 @@ class WatchedBus:
 
 
 def _is_bus_off(text: str) -> bool:
-    identifier = re.match("([0-9A-F]+)#", text)  # a driver of Windows, or a format without them, says something else
+    identifier = re.match("([0-9A-F]+)#", text)  # drivers of Windows and some formats have other texts
     return identifier is not None and bool(int(identifier[1], 16) & BUS_OFF)
 
 
 class Diagnosis:
-    """The diagnosis of some logs, or of a bus, by what the devices' files say.
+    """The diagnosis of logs or of a bus, based on the devices' files.
 
     `more` returns the watchers of plug-ins for what is known of the devices; `promised` is what should be sent how
     often, at `bit_rate` in bit/s.
@@ -245,21 +248,25 @@ class Diagnosis:
         self._decoder, self._more, self._bit_rate, self._promised = decoder, more, bit_rate, promised
         self._buses: dict[str, WatchedBus] = {}
         self._log, self._line, self._time = "", 0, 0.0
-        self._following = Following(decoder)
+        self._following = TrackingDecoder(decoder)
 
     def begin(self, log: str) -> None:
-        """Begin with a log: what is known of the nodes is that of the log before."""
+        """Start a log, without knowledge of the nodes from the log before."""
         self.end()
-        self._buses, self._log, self._following = {}, log, Following(self._decoder)
+        self._buses = {}
+        self._log = log
+        self._following = TrackingDecoder(self._decoder)
 
     def take(self, time: float, channel: str, raw: Raw, line: int = 0) -> Meaning:
-        """Take in an entry of the log at its line, or a frame of a bus, and return what it means."""
+        """Process an entry of the log at its line, or a frame of a bus; return its meaning."""
         meaning = self._following(time, channel, raw, line)
         self.take_meaning(time, channel, meaning, self._following, line)
         return meaning
 
-    def take_meaning(self, time: float, channel: str, meaning: Meaning, following: Following, line: int = 0) -> None:
-        """Take in what somebody else has decoded, who is `following` the same bus."""
+    def take_meaning(
+        self, time: float, channel: str, meaning: Meaning, following: TrackingDecoder, line: int = 0
+    ) -> None:
+        """Process a meaning from another decoder, `following`, of the same bus."""
         self.frames += 1
         self._line, self._time = line, time
         watched = self._buses.get(channel)
@@ -275,13 +282,13 @@ class Diagnosis:
         return self._time, self._log, self._line
 
     def tick(self, time: float) -> None:
-        """Notice what did not come until now, s."""
+        """Report frames missing until now, in s."""
         self._time = max(time, self._time)
         for each in self._buses.values():
             each.tick(time)
 
     def end(self, time: float = 0.0) -> None:
-        """Report what the end of the log, or of the watch at a time in s, leaves open."""
+        """Report what is unresolved at the end of the log, or of the watch at a time in s."""
         for each in self._buses.values():
             each.end(time)
         self.seconds += self._span
@@ -289,27 +296,27 @@ class Diagnosis:
 
     @property
     def _span(self) -> float:
-        """The seconds of the present log."""
+        """Duration of the present log, in s."""
         return max((each.bus.now - each.bus.began for each in self._buses.values()), default=0.0)
 
     def silent(self, log: str = "") -> None:
-        """Report that there was nothing in a log, or on a bus."""
+        """Report that a log, or a bus, had no frames."""
         missing = ", ".join(each.name for each in self._decoder.dictionaries)
         text = (f"no frame in {log}" if log else "no frame came") + (f": {missing} should be there" if missing else "")
         self.incidents.at(BusRule.BUS_SILENT, "", "", log, text).add(SeenAt(0.0, log))
 
     def missed(self, notes: Iterable[str]) -> None:
-        """Report what could not be taken in, as a source of frames says it."""
+        """Report frames that their source could not receive."""
         for note in notes:
             self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note).add(SeenAt(*self._at()))
 
     def questions(self, channel: str) -> Questions | None:
-        """Return what asks the nodes of a bus that show trouble; None if no frame came from there."""
+        """Return the questions to a bus's nodes in trouble, None if no frame came from the bus."""
         watched = self._buses.get(channel)
         return Questions(watched.bus, watched.drives.axes) if watched else None
 
     def so_far(self, time: float) -> list[Incident]:
-        """Return the incidents as if a watch ended at a time in s, worst first."""
+        """Return the incidents as if the watch ended at a time in s, worst first."""
         still_open = Incidents()
         for each in self._buses.values():
             each.bus.report = still_open.at
@@ -318,13 +325,13 @@ class Diagnosis:
         return self.incidents.sorted(still_open)
 
     def as_data(self, time: float) -> dict[str, Any]:
-        """Return for a page what is wrong until a time in s."""
+        """Return the state at a time in s as data for a page."""
         found = self.so_far(time)
         rows = [{"level": LEVELS[each.rule.severity], "title": each.title, "facts": each.facts} for each in found]
         return {"verdict": self.verdict(found), "incidents": rows}
 
     def verdict(self, found: Sequence[Incident]) -> str:
-        """Return the answer in one line."""
+        """Return a summary in one line."""
         seen = f"{amount(self.frames, 'frame')}, {duration(self.seconds + self._span, 1)}"
         counts = Counter(each.rule.severity for each in found)
         levels = ", ".join(amount(counts[each], LEVELS[each]) for each in Severity if counts[each])

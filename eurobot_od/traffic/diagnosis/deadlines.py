@@ -1,4 +1,4 @@
-"""Watches that PDOs come as often as their receivers expect, by event timers and by emergencies (CiA 301, 7.5.2.35)."""
+"""Watches PDOs that their receivers expect in time, by event timer or emergency (CiA 301, 7.5.2.35)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Deadline(NamedTuple):
 
 
 class DeadlineWatcher(Watcher):
-    """Watches the PDOs that their receivers wait for; `streams` knows when each came last."""
+    """Watches PDOs with a deadline; `streams` has the time of the last frame of each."""
 
     SERVICES = (EMCY_NAME,)
 
@@ -51,7 +51,7 @@ class DeadlineWatcher(Watcher):
                 self._report(cob_id, node, text)
 
     def _identifiers(self, node: ObservedNode) -> set[int]:
-        """Return the COB-IDs of a node's RPDOs, by its file, or else the predefined ones."""
+        """Return the COB-IDs of a node's RPDOs from its file, or else the predefined ones."""
         bindings = self.bus.decoder.protocol.bindings
         known = {each.cob_id for each in bindings if node.name in each.receivers}
         return known or {base + node.node_id for base in RPDO_BASES}
@@ -74,7 +74,7 @@ class DeadlineWatcher(Watcher):
                 self._report(cob_id, receiver, f"{text}, last at {last:.3f} s")
 
     def _timers(self) -> Iterator[tuple[int, Deadline]]:
-        """Yield the RPDOs that have event timers in force, by COB-ID."""
+        """Yield the RPDOs with an event timer by COB-ID."""
         for device in (*self.bus.decoder.dictionaries, *self.bus.decoder.learned):
             for pdo in device.read_pdos(device.default, lambda _: None, listening=True):
                 if pdo.direction is PdoDirection.RPDO and pdo.valid and pdo.event_timer:

@@ -26,7 +26,7 @@ from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO
 
 ENABLED_WITHIN = 1.0
-"""Time that a drive has from a command to enable operation until it is enabled, in s."""
+"""Timeout from the command to enable operation until the drive is enabled, in s."""
 
 TOGETHER = 0.5
 """Time around the start of a fault in which an emergency, or a changed error code, belongs to it, in s."""
@@ -43,12 +43,12 @@ WORDS_OF_DRIVES = frozenset(
     (cia402.ERROR_CODE, cia402.CONTROLWORD, cia402.STATUSWORD, cia402.MODE, cia402.MODE_DISPLAY,
      cia402.POSITION, cia402.TARGET_POSITION)
 )  # fmt: skip
-"""Objects that are watched, by their indices on the first axis."""
+"""Watched objects, by their indices on the first axis."""
 
 SIGNED = frozenset((cia402.MODE, cia402.MODE_DISPLAY, cia402.POSITION, cia402.TARGET_POSITION))
 
 ENABLING_BITS: Mapping[int, str] = {0: "switch on", 1: "enable voltage", 2: "quick stop"}
-"""Bits of the controlword that have to be set with bit 3, enable operation."""
+"""Bits of the controlword that must be set together with bit 3, enable operation."""
 
 DEFAULT_PDOS: Mapping[int, Sequence[Mapping[int, int]]] = {
     0x180: ({cia402.STATUSWORD: 16},),
@@ -58,17 +58,17 @@ DEFAULT_PDOS: Mapping[int, Sequence[Mapping[int, int]]] = {
     0x300: ({cia402.CONTROLWORD: 16, cia402.MODE: 8}, {cia402.CONTROLWORD: 16, cia402.TARGET_POSITION: 32}),
     0x400: ({cia402.CONTROLWORD: 16, cia402.TARGET_POSITION: 32},),
 }
-"""What the first PDOs of a drive carry if nobody is seen to map them: objects and their bits, by COB-ID (CiA 402-2, 7).
+"""Default mappings of a drive's first PDOs: objects and their bits, by COB-ID (CiA 402-2, 7).
 
 Of several the length of the frame says which.
 """
 
 WIDE = 4
-"""Bytes of a status word, or of an error code, that has that of a second axis in its upper half."""
+"""Size in bytes of a statusword or error code that has that of a second axis in its upper half."""
 
 
 class MappedWord(NamedTuple):
-    """An object of an axis in a PDO: where it is in the frame, in bits."""
+    """An object of an axis in a PDO, with its position in bits."""
 
     axis: ObservedAxis
     object: int
@@ -76,7 +76,7 @@ class MappedWord(NamedTuple):
     bits: int
 
     def value(self, frame: int) -> int:
-        """Return its value in a frame, which is read as one number."""
+        """Return its value in a frame given as one number."""
         return _signed(self.object, frame >> self.offset & (1 << self.bits) - 1, self.bits)
 
 
@@ -86,7 +86,7 @@ def _signed(index: int, raw: int, bits: int) -> int:
 
 @dataclass
 class FaultSeen:
-    """A fault that is not over: when and where it began, in which state, the last command before.
+    """A fault that is not over: its start, the state and command before it.
 
     Its error `codes` are those that the axis has shown; an emergency `told` one of the device, of any of its axes.
     Bit 7 of the controlword, fault reset, `is_held` if it was commanded without a rising edge.
@@ -103,7 +103,7 @@ class FaultSeen:
 
 
 class LastingBit(NamedTuple):
-    """A bit that is wrong if it lasts: its rule, text, mask in the statusword, for how long, and when it counts."""
+    """A statusword bit that is wrong if it lasts: rule, text, mask, minimum time in s, and condition."""
 
     rule: BusRule
     text: str
@@ -114,7 +114,7 @@ class LastingBit(NamedTuple):
 
 @dataclass(eq=False)
 class ObservedAxis:
-    """One axis of a drive: the objects that it has shown, with their times, and what is not over."""
+    """One axis of a drive: the known values of its objects with times, and open incidents."""
 
     node: ObservedNode
     number: int
@@ -132,33 +132,33 @@ class ObservedAxis:
 
     @property
     def name(self) -> str:
-        """Its name in a sentence."""
+        """Name in a sentence."""
         return f"axis {self.number}"
 
     @property
     def command(self) -> DriveCommand | None:
-        """The last command that it was given."""
+        """Last command to the axis."""
         word = self.values.get(cia402.CONTROLWORD)
         return None if word is None else DriveCommand.of(word)
 
     @property
     def mode(self) -> int | None:
-        """The mode of operation that it shows, or else was given."""
+        """Mode of operation that it shows, or else was commanded."""
         return self.values.get(cia402.MODE_DISPLAY, self.values.get(cia402.MODE))
 
     @property
     def is_enabled(self) -> bool:
-        """Whether it shows Operation enabled."""
+        """Whether its state is Operation enabled."""
         return self.state is State.ENABLED
 
     @property
     def is_open(self) -> bool:
-        """Whether time alone may show what is wrong, or that it was lost sight of in a gap."""
+        """Whether the passing of time alone may cause a report, or its state is unknown."""
         return bool(self.state is None or self.wanted or self.lasting or self.fault or self.target)
 
     @property
     def is_halted(self) -> bool:
-        """Whether it is enabled, and its controlword halts it."""
+        """Whether it is enabled and halted by its controlword."""
         return self.is_enabled and bool(self.values.get(cia402.CONTROLWORD, 0) & cia402.HALT)
 
 
@@ -170,7 +170,7 @@ LASTING = (
     LastingBit(BusRule.DRIVE_LIMIT, "internal limit active", cia402.INTERNAL_LIMIT, 1.0, lambda axis: axis.is_enabled),
     LastingBit(BusRule.DRIVE_WARNING, "warning", cia402.WARNING, 1.0, lambda axis: axis.state not in FAULTS),
 )
-"""Bits of the statusword that are wrong if they last."""
+"""Statusword bits that are wrong if they last."""
 
 
 class DriveWatcher(Watcher):
@@ -187,7 +187,7 @@ class DriveWatcher(Watcher):
     def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
         self._data.pop(cob_id, None)
         words = tuple(self._mapped(cob_id)) or tuple(self._by_default(cob_id, len(meaning.raw[1])))
-        # The statusword last: what some of its bits mean depends on the mode.
+        # The statusword comes last, as some of its bits depend on the mode.
         words = tuple(sorted(words, key=lambda each: each.object == cia402.STATUSWORD))
         return partial(self._message, words) if words else None
 
@@ -212,7 +212,7 @@ class DriveWatcher(Watcher):
     # What comes
 
     def _message(self, words: Sequence[MappedWord], time: float, meaning: Meaning) -> None:
-        """Take in a PDO that carries these words."""
+        """Process a PDO with these objects."""
         assert isinstance(meaning.raw, Frame)
         cob_id, data = meaning.raw
         if self._data.get(cob_id) == data:
@@ -227,7 +227,7 @@ class DriveWatcher(Watcher):
                 self._show(time, word.axis, word.object, word.value(number), meaning.sender)
 
     def _mapped(self, cob_id: int) -> Iterator[MappedWord]:
-        """Yield the objects of drives that the PDO of an identifier carries."""
+        """Yield the objects of drives that a PDO maps."""
         binding = self.bus.decoder.binding(cob_id)
         if binding is None or binding.layout.byte_order != "little":
             return
@@ -240,7 +240,7 @@ class DriveWatcher(Watcher):
                     yield MappedWord(self._axis(node, index), first, offset, entry.bits)
 
     def _by_default(self, cob_id: int, length: int) -> Iterator[MappedWord]:
-        """Yield what a PDO of a drive without a file has if nobody has mapped it, by its identifier and length."""
+        """Yield the default mapping of a drive's PDO, chosen by identifier and length."""
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])
         mappings = DEFAULT_PDOS.get(cob_id & ~NODE_IDS[-1], ())
         mapping = next((each for each in mappings if sum(each.values()) == 8 * length), None)
@@ -256,7 +256,8 @@ class DriveWatcher(Watcher):
         if ended is None or ended.end is None or ended.address is None or not ended.is_whole:
             return
         index, sub = ended.address
-        node, content = self.bus.node(ended.end.server), ended.content
+        node = self.bus.node(ended.end.server)
+        content = ended.content
         first = cia402.on_first_axis(index)
         if first not in WORDS_OF_DRIVES or sub or content is None or ended.aborted is not None:
             return
@@ -270,7 +271,7 @@ class DriveWatcher(Watcher):
         return self._axes.setdefault((node.node_id, number), ObservedAxis(node, number))
 
     def axes(self, node_id: int) -> list[int]:
-        """Return the axes of a node, by number: what it has shown, or else the first one; none if it is no drive."""
+        """Return the numbers of a drive's axes, at least the first; none if the node is no drive."""
         if not self._is_drive(self.bus.node(node_id)):
             return []
         return sorted(number for owner, number in self._axes if owner == node_id) or [1]
@@ -287,9 +288,10 @@ class DriveWatcher(Watcher):
     # What an axis shows
 
     def _show(self, time: float, axis: ObservedAxis, index: int, value: int, sender: str) -> None:
-        before, axis.values[index] = axis.values.get(index), value
+        before = axis.values.get(index)
+        axis.values[index] = value
         if before == value and index == cia402.STATUSWORD and not axis.is_open:
-            axis.is_confirmed = True  # most frames say what the one before has said
+            axis.is_confirmed = True  # most frames repeat the one before
             return
         if before != value:
             axis.changed[index] = time
@@ -303,7 +305,7 @@ class DriveWatcher(Watcher):
             self._mode(time, axis)
 
     def _again(self, time: float, axis: ObservedAxis) -> None:
-        """Take in that an axis shows what it has shown before."""
+        """Process a repeated value."""
         if axis.wanted or axis.lasting or axis.fault:
             self._judge(time, axis)
 
@@ -324,8 +326,9 @@ class DriveWatcher(Watcher):
         self._judge(time, axis)
 
     def _move(self, time: float, axis: ObservedAxis, state: State | None) -> None:
-        """Take in another state of an axis."""
-        before, axis.state = axis.state, state
+        """Process a new state of an axis."""
+        before = axis.state
+        axis.state = state
         if state in FAULTS and axis.fault is None:
             self._fault(time, axis, before)
         elif axis.fault and state not in FAULTS:
@@ -355,7 +358,8 @@ class DriveWatcher(Watcher):
         if not _wants_enabled(axis, word):
             axis.wanted = None
         elif axis.wanted is None and axis.state not in (State.ENABLED, *FAULTS):
-            axis.wanted, axis.is_confirmed = (time, Occurrences.once(self.bus.at())), False
+            axis.wanted = (time, Occurrences.once(self.bus.at()))
+            axis.is_confirmed = False
         is_set_point = word & ~before & cia402.NEW_SET_POINT and axis.mode == Mode.PROFILE_POSITION
         if is_set_point and axis.is_enabled:
             axis.target = time, Occurrences.once(self.bus.at())
@@ -368,7 +372,8 @@ class DriveWatcher(Watcher):
             axis.lasting.pop(BusRule.DRIVE_HALTED, None)
 
     def _mode(self, time: float, axis: ObservedAxis) -> None:
-        wanted, shown = axis.values.get(cia402.MODE), axis.values[cia402.MODE_DISPLAY]
+        wanted = axis.values.get(cia402.MODE)
+        shown = axis.values[cia402.MODE_DISPLAY]
         since = axis.changed.get(cia402.MODE, time)
         if wanted not in (None, shown) and axis.is_enabled and time - since > ENABLED_WITHIN:
             text = f"{axis.name} shows mode {_mode_words(shown)}, and was given {_mode_words(wanted or 0)}"
@@ -387,8 +392,9 @@ class DriveWatcher(Watcher):
             axis.fault.codes[code] = None
 
     def _fault_over(self, axis: ObservedAxis, how: str) -> None:
-        """Report a fault that is over, or not (`how` is empty) but for what the axis shows by now."""
-        fault, axis.fault = axis.fault, None
+        """Report a fault that is over; `how` is empty if the axis itself shows the reason."""
+        fault = axis.fault
+        axis.fault = None
         if fault:
             self._say_fault(axis, fault, how or _what_ended(axis, fault))
 
@@ -404,7 +410,7 @@ class DriveWatcher(Watcher):
         self._report(axis, rule, text, fault.seen, cause=cause, subject=" ".join(codes))
 
     def _codes(self, axis: ObservedAxis, fault: FaultSeen) -> list[int]:
-        """Return the error codes of an axis: an emergency of a device with several axes may be that of another one."""
+        """Return the error codes of an axis, without those of other axes of its device."""
         others = [each for each in self._axes.values() if each.node is axis.node and each is not axis]
         if not others:
             return list(fault.told | fault.codes)
@@ -422,10 +428,11 @@ class DriveWatcher(Watcher):
     # What lasts
 
     def _judge(self, time: float, axis: ObservedAxis) -> None:
-        """Report that an axis is not enabled though it should be by now."""
+        """Report an axis that should be enabled by now."""
         if axis.wanted and time - axis.wanted[0] > ENABLED_WITHIN and axis.is_confirmed and axis.state:
             text = f"{axis.name} stays {axis.state.words} after Enable operation: {_why_not_enabled(axis)}"
-            (_, seen), axis.wanted = axis.wanted, None
+            (_, seen) = axis.wanted
+            axis.wanted = None
             self._report(axis, BusRule.DRIVE_NOT_ENABLED, text, seen)
 
     def _lasted(self, time: float, axis: ObservedAxis, bit: LastingBit) -> None:
@@ -447,7 +454,7 @@ class DriveWatcher(Watcher):
             self.bus.found(rule, axis.node.name, text, (axis.number, subject), seen=seen, cause=cause)
 
     def _is_drive(self, node: ObservedNode) -> bool:
-        """Return whether a node is a drive, by its file, by what it has shown, or by what it is asked for."""
+        """Return whether a node is a drive, judging by its file or by its objects."""
         return self.bus.decoder.errors.profiles.get(node.node_id, 0) == cia402.PROFILE
 
     def gap(self, time: float) -> None:
@@ -473,7 +480,7 @@ class DriveWatcher(Watcher):
                 self._mode(time, axis)
 
     def _ends_still(self, time: float, axis: ObservedAxis) -> None:
-        """Report an axis that was told to move, and stands."""
+        """Report an axis that was commanded to move but stands."""
         halted = axis.lasting.get(BusRule.DRIVE_HALTED)
         if halted and time - halted[0] > STANDS:
             rule, on_its_way = (BusRule.DRIVE_HELD, " on its way") if axis.target else (BusRule.DRIVE_HALTED, "")
@@ -491,7 +498,7 @@ def _is_reset(meaning: Meaning) -> bool:
 
 
 def _halves(first: int, content: bytes, index: int) -> Iterator[tuple[int, int]]:
-    """Yield the index and value of an object, and of a second axis in the upper half of a word of 32 bits."""
+    """Yield the index and value of an object, and of a second axis in its upper half."""
     raw = int.from_bytes(content, "little")
     if first not in (cia402.STATUSWORD, cia402.ERROR_CODE) or len(content) != WIDE:
         yield index, raw
@@ -502,7 +509,7 @@ def _halves(first: int, content: bytes, index: int) -> Iterator[tuple[int, int]]
 
 
 def _wants_enabled(axis: ObservedAxis, word: int) -> bool:
-    """Return whether a controlword is to enable operation, or nearly: with bit 3, and others missing."""
+    """Return whether a controlword tries to enable operation, even with bits missing."""
     command = DriveCommand.of(word)
     if command is DriveCommand.ENABLE:
         return True
@@ -511,7 +518,7 @@ def _wants_enabled(axis: ObservedAxis, word: int) -> bool:
 
 
 def _why_not_enabled(axis: ObservedAxis) -> str:
-    """Return the likely reason for which a drive does not enable operation."""
+    """Return the likely reason why a drive does not enable operation."""
     control = axis.values.get(cia402.CONTROLWORD, 0)
     status = axis.values.get(cia402.STATUSWORD, 0)
     missing = [f"{name} (bit {bit})" for bit, name in ENABLING_BITS.items() if not control >> bit & 1]

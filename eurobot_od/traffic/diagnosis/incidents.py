@@ -1,4 +1,4 @@
-"""Incidents: what is wrong, at whom, how often, when, why likely, and what to do; and what finds them.
+"""Incidents: problems with their nodes, times, likely causes and remedies; and the watchers that find them.
 
 The same thing again is the same incident. So memory grows with what can be wrong, not with the frames: of each incident
 there is a number, the first and the last place, and a few more; of each rule at most `MOST` incidents.
@@ -27,17 +27,17 @@ from eurobot_od.traffic.entries import Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 MOST = 20
-"""Most incidents of one rule on one bus; all others together are one more."""
+"""Maximum number of incidents of one rule on one bus; further ones are merged."""
 
 BEFORE = 5.0
-"""Time by which what follows from an incident may be seen before it, in s: a lost heartbeat is noticed late."""
+"""Time by which a consequence may be seen before its cause, in s, as a lost heartbeat is noticed late."""
 
 PLACES = 3
-"""How many places of an incident are named."""
+"""Number of places listed for an incident."""
 
 
 class SeenAt(NamedTuple):
-    """Where something was seen: the time in s, the log and its line, if there is one, and the frame that came then."""
+    """A place: the time in s, the log and line if there is one, and the frame."""
 
     time: float
     log: str = ""
@@ -45,20 +45,22 @@ class SeenAt(NamedTuple):
     frame: Raw | None = None
 
     def as_data(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the place as plain data."""
         frame = {} if self.frame is None else {"frame": self.shown}
         return {"time": self.time, "log": self.log, "line": self.line, **frame}
 
     @property
     def shown(self) -> str:
-        """The frame as candump writes it; empty for what is not a frame."""
+        """Frame in candump's format; empty for other entries."""
         return str(self.frame) if isinstance(self.frame, Frame) else ""
 
     def after(self, first: SeenAt | None = None) -> str:
-        """Write it; behind another place in the same log, its line alone says where."""
+        """Format the place; in the same log as `first`, only with its line."""
         log = self.log if first is None or first.log != self.log else "line"
-        where = f" ({log}{' ' if log == 'line' else ':'}{self.line})" if self.log else ""
-        return f"{self.time:.6f} s{where}"
+        if not self.log:
+            return f"{self.time:.6f} s"
+        place = f"line {self.line}" if log == "line" else f"{log}:{self.line}"
+        return f"{self.time:.6f} s ({place})"
 
 
 NOWHERE = SeenAt(0.0)
@@ -66,7 +68,7 @@ NOWHERE = SeenAt(0.0)
 
 @dataclass
 class Occurrences:
-    """How often something was seen, where first and last, and the first few places."""
+    """Occurrences of an incident: their number, the last place, and the first few places."""
 
     number: int = 0
     last: SeenAt = NOWHERE
@@ -74,25 +76,25 @@ class Occurrences:
 
     @classmethod
     def once(cls, place: SeenAt) -> Occurrences:
-        """Return what was seen at one place."""
+        """Return a single occurrence."""
         return cls(1, place, [place])
 
     def add(self, place: SeenAt) -> None:
-        """Count it once more."""
+        """Add an occurrence."""
         self.number += 1
         self.last = place
         if len(self.places) < PLACES:
             self.places.append(place)
 
     def join(self, other: Occurrences) -> None:
-        """Count what another has counted after this one."""
+        """Add later occurrences."""
         self.number += other.number
         self.last = other.last
         self.places += other.places[: PLACES - len(self.places)]
 
 
 class RuleRow(NamedTuple):
-    """A row of a table of rules: how bad it is, what must not be, its likely `cause`, the `remedy`, its source."""
+    """A row of a table of rules: severity, description, likely `cause`, `remedy`, and source."""
 
     severity: Severity
     what: str
@@ -102,7 +104,7 @@ class RuleRow(NamedTuple):
 
 
 class IncidentRule(Enum):
-    """A table of rules: each member of a subclass has a `RuleRow`, and its attributes.
+    """A table of rules; each member of a subclass is a `RuleRow`, with its attributes.
 
     Causes stand before what follows from them: incidents of equal severity are shown in this order.
     """
@@ -112,32 +114,32 @@ class IncidentRule(Enum):
 
     @property
     def id(self) -> str:
-        """Its name for people and programs: `heartbeat-lost`."""
+        """Identifier for people and programs, such as `heartbeat-lost`."""
         return self.name.lower().replace("_", "-")
 
     @property
     def stage(self) -> int:
-        """0 for what is wrong with the bus, 1 with a robot on it, 2 for what nodes say of that, 3 for the files."""
+        """Order of display: 0 for the bus, 1 for a robot, 2 for emergencies, 3 for files."""
         return 0
 
     @property
     def explained(self) -> Collection[str]:
-        """Ids of the rules whose incidents have the same cause, if they are of the same node."""
+        """Ids of the rules whose incidents follow from one of this rule at the same node."""
         return ()
 
     @property
     def rank(self) -> tuple[int, int, int]:
-        """The place among all rules, worst first."""
+        """Position among all rules, worst first."""
         return list(Severity).index(self.severity), self.stage, list(type(self)).index(self)
 
 
 FACTS = "Seen", "Also at", "Frames", "Likely", "Asked", "To do", "With it", "Source"
-"""What is said of an incident besides its title."""
+"""Headings of the facts about an incident."""
 
 
 @dataclass(frozen=True)
 class Incident:
-    """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly.
+    """A violation of a rule on a bus (empty if there is only one), by the node `who`.
 
     What has the same cause `follows` from it. The node was `asked` for objects, which it answered, or not.
     """
@@ -152,7 +154,7 @@ class Incident:
     asked: tuple[str, ...] = ()
 
     def explains(self, other: Incident) -> bool:
-        """Return whether another incident, which is not worse, follows from this one by the table of its rules."""
+        """Return whether another incident follows from this one."""
         if self.channel != other.channel or other.rule.id not in self.rule.explained:
             return False
         is_of_it = not self.who or other.who == self.who or f"missed: {self.who}," in other.text
@@ -160,13 +162,13 @@ class Incident:
 
     @property
     def title(self) -> str:
-        """Who, and what: `drive: is lost`."""
+        """Node and text, such as `drive: is lost`."""
         where = f"[{self.channel}] " if self.channel else ""
         return one_line(f"{where}{self.who}: {self.text}" if self.who else f"{where}{self.text}")
 
     @property
     def facts(self) -> list[tuple[str, str]]:
-        """What is known of it besides the title, each with its heading."""
+        """Facts besides the title, each with its heading."""
         often = "once" if self.seen.number == 1 else f"{self.seen.number} times"
         first, *others = self.seen.places
         when = f"{often}, at {first.after()}"
@@ -176,12 +178,13 @@ class Incident:
         places = dict.fromkeys([*self.seen.places, self.seen.last])
         frames = ", ".join(f"{each.shown} at {each.time:.6f} s" for each in places if each.shown)
         with_it = "; ".join(each.title for each in self.follows)
-        said, source = "; ".join(self.asked), f"{self.rule.clause} [{self.rule.id}]"
+        said = "; ".join(self.asked)
+        source = f"{self.rule.clause} [{self.rule.id}]"
         found = when, also, frames, self.cause, said, self.rule.remedy, with_it, source
         return [(what, one_line(text)) for what, text in zip(FACTS, found) if text]
 
     def as_data(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the incident as plain data."""
         return {
             "rule": self.rule.id,
             "level": self.rule.severity.name.lower(),
@@ -200,25 +203,27 @@ class Incident:
 
 
 class Incidents:
-    """All incidents of some logs, or of a bus."""
+    """All incidents of some logs or a bus."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[IncidentRule, str, str, str], Incident] = {}
         self._number: dict[tuple[IncidentRule, str], int] = {}
 
     def at(self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str = "") -> Occurrences:
-        """Return where an incident was seen; it is new if the rule has none of this node and `subject`."""
+        """Return the occurrences of an incident, which is created for a new rule, node or `subject`."""
         key = rule, channel, who, subject
         found = self._found.get(key)
         if found is None:
             number = self._number[key[:2]] = self._number.get(key[:2], 0) + 1
             if number > MOST:
-                key, who, text = (rule, channel, "", ""), "", f"{rule.what} (others than those above)"
+                key = (rule, channel, "", "")
+                who = ""
+                text = f"{rule.what} (others than those above)"
             found = self._found.setdefault(key, Incident(rule, channel, who, text, cause or rule.cause))
         return found.seen
 
     def sorted(self, *others: Incidents) -> list[Incident]:
-        """Return them and others, worst first, each with what follows from it; of equal ones what is more often.
+        """Return the incidents, worst and most frequent first, each with its consequences.
 
         A single bus has no name.
         """
@@ -229,7 +234,7 @@ class Incidents:
 
 
 def _grouped(found: Sequence[Incident]) -> Iterator[Incident]:
-    """Yield incidents, each with those below it that it explains."""
+    """Yield incidents with the ones that follow from them."""
     left = list(found)
     while left:
         first, *left = left
@@ -239,7 +244,7 @@ def _grouped(found: Sequence[Incident]) -> Iterator[Incident]:
 
 
 def lines(incidents: Sequence[Incident]) -> Iterator[str]:
-    """Yield what there is to read of incidents."""
+    """Yield incidents as lines of text."""
     for each in incidents:
         yield ""
         yield f"{LEVELS[each.rule.severity].upper():<8} {each.title}"
@@ -249,15 +254,15 @@ def lines(incidents: Sequence[Incident]) -> Iterator[str]:
 # What the watchers of a bus share
 
 Take: TypeAlias = Callable[[float, Meaning], None]
-"""Takes in a frame: its time in s, and what it means."""
+"""Processes a frame, given its time in s and its meaning."""
 
 brief = partial(texts.text, digits=4)
-"""Writes a time as it was measured: more digits mean nothing."""
+"""Formats a measured time with four digits."""
 
 
 @dataclass
 class ObservedNode:
-    """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
+    """A node: its last NMT state, whether it was `heard`, and when it was changed and reset.
 
     It has booted, or was reset, `boots` times. It has said at a time in s whom it `missed`. `shown` are settings that
     transfers have shown; it `is_configured` if a master has written any object. `in_force` returns what it has shown
@@ -280,18 +285,18 @@ class ObservedNode:
     missed: tuple[float, str] | None = None
 
     def number(self, address: Address) -> int:
-        """Return the number that it has at an address, as shown, or by its file; 0 without any."""
+        """Return the number at an address, as shown or from the file; 0 without any."""
         number = self.in_force().get(address)
         return (self.dictionary.number(address) if self.dictionary and number is None else number) or 0
 
     @property
     def is_operational(self) -> bool:
-        """Whether it says that it is OPERATIONAL, or says nothing."""
+        """Whether its state is OPERATIONAL or unknown."""
         return self.state in (None, NmtState.OPERATIONAL)
 
 
 class ObservedBus:
-    """One bus: its `decoder` by the mapping in force, its nodes by node-ID, and when it was heard first and last, s.
+    """A bus: its present `decoder`, its nodes by node-ID, and the times of the first and last frame.
 
     The last NMT command was `commanded` at a time in s. `listeners` are who takes the frames of a PDO, by identifier;
     they are asked for again once they are cleared.
@@ -314,7 +319,7 @@ class ObservedBus:
         self.began = self.now = 0.0
         self.commanded = -inf
         self.own_question: tuple[int, Address] | None = None
-        """The node and object of the question that this program has asked last."""
+        """Node and object of this program's own last question."""
         self.numbers = {each.name: each.node_id for each in decoder.dictionaries}
         self._shown = shown
         self.nodes = {
@@ -323,22 +328,22 @@ class ObservedBus:
         }
         self.listeners: dict[int, tuple[Take, ...]] = {}
         self.counts: dict[str, int] = defaultdict(int)
-        """How many frames of each service came."""
+        """Numbers of frames by service."""
         self.stated: list[Callable[[ObservedNode], None]] = []
-        """Called with a node that has said its NMT state."""
+        """Functions called with a node that has reported its NMT state."""
 
     def at(self) -> SeenAt:
         """Return the place of the present frame."""
         return SeenAt(*self._place(), self.frame)
 
     def node(self, node_id: int) -> ObservedNode:
-        """Return a node, new if it was not known."""
+        """Return a node, created if it is new."""
         if node_id not in self.nodes:
             self.nodes[node_id] = ObservedNode(node_id, f"node {node_id}", partial(self._shown, node_id))
         return self.nodes[node_id]
 
     def named(self, name: str) -> ObservedNode | None:
-        """Return a node by the name that a meaning has for it; None for a master without a file."""
+        """Return a node by its name in meanings; None for a master without a file."""
         number = self.numbers.get(name)
         if number is None and name.startswith("node ") and name[5:].isdecimal():
             number = int(name[5:])
@@ -354,7 +359,7 @@ class ObservedBus:
         cause: str = "",
         seen: Occurrences | None = None,
     ) -> None:
-        """Report that a rule does not hold here, or where it was `seen`; `subject` tells incidents of a node apart."""
+        """Report a violation of a rule, here or where it was `seen`; `subject` separates incidents of a node."""
         here = self.report(rule, self.channel, who, str(subject), text, cause)
         if seen:
             here.join(seen)
@@ -363,7 +368,7 @@ class ObservedBus:
 
 
 class Watcher:
-    """Watches some frames of a bus for what breaks its rules. It has no clock: frames and times in s go in.
+    """Base class of watchers, each for some frames of a bus; without a clock, as frames bring their times.
 
     It says what it listens to, as most frames matter to few watchers: `SERVICES` are the services whose frames `take`
     is given, and for each PDO, or frame of other traffic, `listener` says who takes it.
@@ -375,20 +380,20 @@ class Watcher:
         self.bus = bus
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in a frame of one of the SERVICES."""
+        """Process a frame of one of the SERVICES."""
 
     def listener(self, cob_id: int, meaning: Meaning) -> Take | None:
-        """Return what takes the frames of a PDO, None to leave them out; `meaning` is that of the first one.
+        """Return the function for the frames of a PDO, None to ignore them; `meaning` is of the first frame.
 
         Asked once for an identifier, and again when something else has come into force.
         """
         return None
 
     def tick(self, time: float) -> None:
-        """Notice what did not come until now; called several times a second."""
+        """Report frames missing until now; called several times a second."""
 
     def gap(self, time: float) -> None:
-        """Forget what was to come: nothing was recorded for a while."""
+        """Forget what was expected, after a gap in the log."""
 
     def end(self, time: float) -> None:
-        """Report what the end of the log, or of the watch, leaves open."""
+        """Report what is unresolved at the end of the log or watch."""

@@ -1,4 +1,4 @@
-"""Watches the load of a bus: how many bits came in a span of time, and whose they were (ISO 11898-1).
+"""Watches the load of a bus: the bits in a span of time, and their senders (ISO 11898-1).
 
 To find the stuff bits of a frame takes longer than all else about it. So frames are kept until their span is over, and
 counted as the longest of their length; only where that would be too much they are counted exactly.
@@ -18,24 +18,24 @@ from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import DEFAULT_PDOS
 
 ALL = 1.05
-"""Share of the bus that no traffic can exceed: more means that the bus is faster."""
+"""Load above which the assumed bit rate must be wrong; a tolerance over 1."""
 
 MAIN = 0.3
-"""Share of the load from which one identifier is named as the one that fills the bus."""
+"""Minimum share of the load from which one identifier is named as its cause."""
 
 MOST = 1 << 15
-"""Frames in a span: more than any bus carries, so that the log has no times."""
+"""Number of frames in a span that no bus can carry; such a log has no times."""
 
 LONGEST = {
     is_extended: [longest_frame(length, is_extended) for length in range(MOST_BYTES + 1)]
     for is_extended in (False, True)
 }
-"""Bits of the longest frames by their length, with identifiers of 11 and of 29 bits."""
+"""Maximum bits of a frame by kind of identifier (29 bits or not) and data length."""
 
 
 @dataclass
 class LoadSpan:
-    """A span over which the load is judged: `seconds` long, with the shares that are too much and their rules.
+    """A span in which the load is judged: its length in `seconds`, and limits with their rules.
 
     The present one `began` at a time in s, where it was `seen`, and with which of the frames that are kept.
     """
@@ -48,10 +48,12 @@ class LoadSpan:
 
 
 class BusLoad:
-    """The load of a bus of `bit_rate` bit/s; it is to be judged at `due`, in s."""
+    """The load of a bus of `bit_rate` bit/s, next judged at `due`, in s."""
 
     def __init__(self, bus: ObservedBus, bit_rate: int) -> None:
-        self._bus, self._bit_rate, self.due = bus, bit_rate, 0.0
+        self._bus = bus
+        self._bit_rate = bit_rate
+        self.due = 0.0
         full = (ALL, BusRule.LOAD_HIGH), (0.9, BusRule.LOAD_FULL), (0.8, BusRule.LOAD_HIGH)
         self._spans = LoadSpan(1.0, full), LoadSpan(0.05, ((0.99, BusRule.LOAD_BURST),))
         self._frames: list[Frame] = []
@@ -63,31 +65,34 @@ class BusLoad:
             self._drop(len(self._frames))
 
     def judge(self, time: float) -> None:
-        """Compare the load of the spans that are over at a time in s with what is too much."""
+        """Compare the load of completed spans with their limits, at a time in s."""
         for span in self._spans:
             if time - span.began >= span.seconds:
                 self._judge(span)
                 self._begin(span, time)
 
     def restart(self, time: float) -> None:
-        """Begin all spans anew: nothing was recorded for a while."""
+        """Restart all spans after a gap."""
         for span in self._spans:
             self._begin(span, time)
 
     def _begin(self, span: LoadSpan, time: float) -> None:
-        span.began, span.seen, span.first = time, Occurrences.once(self._bus.at()), len(self._frames)
+        span.began = time
+        span.seen = Occurrences.once(self._bus.at())
+        span.first = len(self._frames)
         self._drop(min(each.first for each in self._spans))
         self.due = min(each.began + each.seconds for each in self._spans)
 
     def _drop(self, number: int) -> None:
-        """Forget so many of the first frames."""
+        """Drop the first frames."""
         del self._frames[:number]
         for each in self._spans:
             each.first = max(each.first - number, 0)
 
     def _judge(self, span: LoadSpan) -> None:
         frames = self._frames[span.first :]
-        (*_, (least, _)), most = span.limits, self._bit_rate * span.seconds
+        (*_, (least, _)) = span.limits
+        most = self._bit_rate * span.seconds
         if sum(LONGEST[frame[0] >= EXTENDED][len(frame[1])] for frame in frames) <= least * most:
             return
         bits = Counter[int]()
@@ -100,8 +105,9 @@ class BusLoad:
             self._bus.found(rule, "", text, seen=span.seen)
 
     def _culprit(self, frames: Sequence[Frame], bits: Mapping[int, int]) -> str:
-        """Return who fills the bus; empty if it is no single identifier."""
-        cob_id, whole = max(bits, key=bits.__getitem__), sum(bits.values())
+        """Return text on the identifier that causes the load, empty if there are several."""
+        cob_id = max(bits, key=bits.__getitem__)
+        whole = sum(bits.values())
         if bits[cob_id] < MAIN * whole:
             return ""
         meaning = self._bus.decoder(next(each for each in frames if each.cob_id == cob_id))

@@ -23,10 +23,10 @@ from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import SDO
 
 FLUTTER = 20
-"""More changes of an input in a second are no switch that somebody operates."""
+"""Maximum number of changes per second of an input that a person operates."""
 
 STAYS = 1.0
-"""Time for which an analogue input is at the end of its range, and not only passes there, in s."""
+"""Minimum time at the end of the range for an analogue input to be reported, in s."""
 
 DIGITAL = frozenset(each.value for each in cia401.DIGITAL_INPUTS)
 ANALOGUE = frozenset(each.value for each in cia401.ANALOGUE_INPUTS)
@@ -35,16 +35,16 @@ ENABLES: Mapping[Address, tuple[frozenset[int], str]] = {
     (cia401.INTERRUPT_ENABLE, 0): (DIGITAL, "digital inputs"),
     (cia401.ANALOGUE_INTERRUPT_ENABLE, 0): (ANALOGUE, "analogue inputs"),
 }
-"""What lets inputs cause PDOs: which objects, and what they are called."""
+"""Objects that enable PDOs on changes of inputs: the inputs' indices and their name."""
 
 DEFAULT_PDOS: Mapping[int, tuple[int, int, int]] = {
     0x180: (0x6000, 1, 8), 0x280: (0x6401, 1, 16), 0x380: (0x6401, 5, 16), 0x480: (0x6401, 9, 16),
 }  # fmt: skip
-"""Object, first sub-index and bits of what TPDOs carry that nobody is seen to map, by COB-ID (CiA 401-1)."""
+"""Default mappings of TPDOs by COB-ID: object, first sub-index and bits (CiA 401-1)."""
 
 
 class MappedInput(NamedTuple):
-    """An input object in a PDO: the module, its address, and where it is in the frame, in bits."""
+    """An input object in a PDO: the module, its address, and its position in bits."""
 
     node: ObservedNode
     address: Address
@@ -52,12 +52,12 @@ class MappedInput(NamedTuple):
     bits: int
 
     def value(self, frame: int) -> int:
-        """Return its raw value in a frame, which is read as one number."""
+        """Return its raw value in a frame given as one number."""
         return frame >> self.offset & (1 << self.bits) - 1
 
     @property
     def ends(self) -> tuple[int, int]:
-        """The lowest and the highest value of an analogue input, which has a sign, as raw ones."""
+        """Lowest and highest value of a signed analogue input, as raw values."""
         return 1 << self.bits - 1, (1 << self.bits - 1) - 1
 
 
@@ -87,10 +87,11 @@ class ModuleWatcher(Watcher):
             self._enabled[ended.end.server, ended.address] = any(ended.content)
 
     def _message(self, inputs: Sequence[MappedInput], time: float, meaning: Meaning) -> None:
-        """Take in a PDO that carries these inputs."""
+        """Process a PDO with these inputs."""
         assert isinstance(meaning.raw, Frame)
         cob_id, data = meaning.raw
-        before, self._data[cob_id] = self._data.get(cob_id), data
+        before = self._data.get(cob_id)
+        self._data[cob_id] = data
         if before == data:
             return
         number = int.from_bytes(data, "little")
@@ -104,17 +105,19 @@ class ModuleWatcher(Watcher):
                 self._measured(time, each, each.value(number))
 
     def _mapped(self, cob_id: int) -> Iterator[MappedInput]:
-        """Yield the inputs that the TPDO of an identifier carries."""
+        """Yield the inputs that a TPDO maps."""
         binding = self.bus.decoder.binding(cob_id)
         if binding is None or binding.layout.byte_order != "little" or binding.pdo.direction is not PdoDirection.TPDO:
             return
         for node in filter(None, map(self.bus.named, binding.senders[:1])):
-            for entry, (index, sub), _, offset in binding.placed if self._is_module(node) else ():
+            if not self._is_module(node):
+                continue
+            for entry, (index, sub), _, offset in binding.placed:
                 if index in DIGITAL | ANALOGUE and sub:
                     yield MappedInput(node, (index, sub), offset, entry.bits)
 
     def _by_default(self, cob_id: int, length: int) -> Iterator[MappedInput]:
-        """Yield what a TPDO of a module without a file carries if nobody has mapped it, by its identifier."""
+        """Yield the default mapping of a TPDO of a module without a file."""
         node = self.bus.nodes.get(cob_id & NODE_IDS[-1])
         if node is None or node.dictionary or not self._is_module(node) or cob_id & ~NODE_IDS[-1] not in DEFAULT_PDOS:
             return
@@ -135,10 +138,10 @@ class ModuleWatcher(Watcher):
                     place = (each.address[1] - 1) * each.bits + bit + 1
                     text = f"input {place} ({label(each.address)}, bit {bit}) changes {FLUTTER} times in a second"
                     self.bus.found(BusRule.INPUT_FLUTTERS, each.node.name, text, (each.address, bit))
-                    times.clear()  # told again after as many changes: each would cost more than the frame
+                    times.clear()  # reported again only after as many changes, to save time
 
     def _measured(self, time: float, each: MappedInput, value: int) -> None:
-        """Notice that an analogue input comes to an end of its range, or leaves it."""
+        """Check whether an analogue input reaches or leaves an end of its range."""
         key = each.node.node_id, each.address
         if key in self._at_end and self._at_end[key][1] != value:
             self._stayed(time, *key)
@@ -165,7 +168,7 @@ class ModuleWatcher(Watcher):
                 self._silent(node)
 
     def _silent(self, node: ObservedNode) -> None:
-        """Report inputs that cause no PDO, as their interrupt is not enabled."""
+        """Report inputs that cause no PDO because their interrupt is disabled."""
         for address, (objects, words) in ENABLES.items():
             by_file = node.dictionary.number(address) if node.dictionary else None
             is_on = self._enabled.get((node.node_id, address), by_file != 0)
@@ -175,13 +178,13 @@ class ModuleWatcher(Watcher):
                 self.bus.found(BusRule.INPUTS_OFF, node.name, text, address)
 
     def _sent(self, node: ObservedNode) -> Iterator[Binding]:
-        """Yield the TPDOs of a node that have not come."""
+        """Yield the TPDOs of a node that have not been received."""
         for each in self.bus.decoder.protocol.bindings:
             if node.name in each.senders[:1] and each.cob_id not in self.bus.listeners:
                 yield each
 
     @staticmethod
     def _waits(pdo: Pdo, objects: frozenset[int]) -> bool:
-        """Return whether a PDO is sent only when one of some inputs changes."""
+        """Return whether a PDO is sent only on changes of certain inputs."""
         is_of_events = pdo.transmission_type in OF_EVENTS and not pdo.event_timer
         return is_of_events and any(each.address[0] in objects for each in pdo.mapping)

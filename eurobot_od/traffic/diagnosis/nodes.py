@@ -21,47 +21,47 @@ from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT, LSS, NMT
 
 OBEYS_WITHIN = 0.5
-"""Seconds after an NMT command in which a heartbeat may still have the state before."""
+"""Time after an NMT command in which a heartbeat may still have the old state, in s."""
 
 BOOTS_WITHIN = 5.0
-"""Seconds that a node has to boot up after a reset, and to be started after it was heard first."""
+"""Timeout for a boot-up after a reset, and for a start after the node was first heard, in s."""
 
 TOGETHER = 0.5
-"""Two boot-ups of one node-ID in so many seconds after one reset are those of two nodes."""
+"""Maximum time between boot-ups of two nodes with one node-ID after a reset, in s."""
 
 SURE = 3
-"""So often a heartbeat has to contradict the one before until it is taken for another node's."""
+"""Number of contradicting heartbeats from which a second node is assumed."""
 
 PATIENCE = 1.0
-"""Seconds in which no heartbeat is missed until three have shown their period."""
+"""Minimum silence for a lost heartbeat while its period is unconfirmed, in s."""
 
 CHANGED, UNEVEN = 0.25, 0.2
-"""Shares of a heartbeat's period: it comes at another one, is one of two series."""
+"""Relative deviations of an interval from the period: for a changed period, and for one of two series."""
 
 IN_PHASE = 0.15
-"""Share of its period by which a heartbeat may deviate from the series before it."""
+"""Maximum relative deviation of a heartbeat that continues a series."""
 
 EXACT, CLEARER = 0.02, 5
-"""Share of its period by which a heartbeat deviates that is in phase for certain, and how many times more any other."""
+"""Maximum relative deviation of a heartbeat surely in phase, and the minimum ratio of the alternative's to it."""
 
 REACTS_WITHIN = 1.0
-"""Time after an emergency about another node in which a change of state follows from it, in s."""
+"""Maximum time from an emergency to a change of state that it causes, in s."""
 
 ENDS_WITHIN = 1.0
-"""Silence at the end of a log, in s, which is not held against a node: nodes and recorder are switched off together."""
+"""Silence at the end of a log that is not reported, in s, as nodes and recorder are switched off together."""
 
 ANSWERS_WITHIN = 0.1
-"""Time in which a node answers node guarding, in s."""
+"""Maximum time for an answer to node guarding, in s."""
 
 STATES = {each.value: each for each in NmtState}
-"""The states by what a heartbeat says."""
+"""States by the data of a heartbeat."""
 
 OFF_OR_ELSEWHERE = "its heartbeat is switched off, or it sends it under another node-ID"
-"""Why a node that is there likely sends no heartbeat."""
+"""Likely cause of a missing heartbeat of a node that is there."""
 
 
 class UnclearBootUp(NamedTuple):
-    """A boot-up of a node in the middle of its heartbeats, which may be another node's: what to report if it is not."""
+    """A boot-up amid heartbeats, which may be another node's; `rule` and `text` apply if it is not."""
 
     rule: BusRule
     text: str
@@ -72,16 +72,17 @@ class UnclearBootUp(NamedTuple):
     state: NmtState
 
     def is_of_another(self, time: float, state: NmtState) -> bool:
-        """Return whether a heartbeat at a time in s continues the series from before the boot-up, and its state."""
+        """Return whether a heartbeat at a time in s continues the series and state from before the boot-up."""
         periods, own = (time - self.last) / self.period, (time - self.at) / self.period
-        deviation, own_deviation = abs(periods - round(periods)), min(own, abs(own - 1))
+        deviation = abs(periods - round(periods))
+        own_deviation = min(own, abs(own - 1))
         is_next = round(periods) >= 1 and deviation < IN_PHASE
         is_sure = own_deviation > IN_PHASE or (deviation < EXACT and own_deviation > CLEARER * deviation)
         return is_next and is_sure and own > IN_PHASE and state is self.state
 
 
 class Beats:
-    """The heartbeats of a node: the `period` that its settings say in s, 0 for none, and when the `last` one came.
+    """Heartbeats of a node: the configured `period` in s (0 for none), and the time of the `last` one.
 
     `last` is None while none is due. `usual` is the period by the settings, or by what came if that is longer; 0 if
     nothing says it. `before` is the state before the last one, `flips` how often it came back.
@@ -90,7 +91,9 @@ class Beats:
     """
 
     def __init__(self, period: float) -> None:
-        self.period, self.lost, self.usual = period, False, period
+        self.period = period
+        self.lost = False
+        self.usual = period
         self.last: float | None = None
         self.intervals: deque[float] = deque(maxlen=2 * SURE)
         self.times: deque[float] = deque(maxlen=WINDOW)
@@ -100,37 +103,41 @@ class Beats:
         self.silence: tuple[str, Occurrences] | None = None
 
     def add(self, interval: float) -> None:
-        """Take in the time between two heartbeats, in s."""
+        """Process an interval between two heartbeats, in s."""
         self.intervals.append(interval)
         if len(self.intervals) >= SURE:
-            # The last but one: a single long silence does not change it. Of few, two nodes' may be as uneven as all.
+            # The second longest, so that a single long silence does not count; with few intervals, the longest.
             place = -2 if len(self.intervals) > SURE + 1 else -1
             self.usual = max(self.period, sorted(self.intervals)[place])
 
     def is_lost(self, now: float) -> bool:
-        """Return whether the next one should have come by now."""
+        """Return whether the next heartbeat is overdue."""
         if self.last is None or not now - self.last > LOST_AFTER * self.usual > 0:
             return False
-        return len(self.intervals) >= SURE or now - self.last > PATIENCE  # it may have another period than its file
+        return len(self.intervals) >= SURE or now - self.last > PATIENCE  # its period may differ from the file's
 
     @property
     def middle(self) -> float:
-        """The median of the intervals that came last, s; of too few the usual one."""
+        """Median of the last intervals, in s; with too few the usual one."""
         return median(self.intervals) if len(self.intervals) >= SURE else self.usual
 
     @property
     def shortest(self) -> float:
-        """The shortest interval of those that came last, s; 0 for too few."""
+        """Shortest of the last intervals, in s; 0 for too few."""
         return min(self.intervals) if len(self.intervals) >= SURE else 0.0
 
     @property
     def came(self) -> bool:
-        """Whether there was any."""
+        """Whether there was any heartbeat."""
         return bool(self.last is not None or self.intervals or self.lost)
 
     def restart(self, last: float | None) -> None:
-        """Begin anew: one is due after `last`, or none."""
-        self.last, self.lost, self.flips, self.observed, self.usual = last, False, 0, 0.0, self.period
+        """Restart: the next heartbeat is due after `last`, or none is."""
+        self.last = last
+        self.lost = False
+        self.flips = 0
+        self.observed = 0.0
+        self.usual = self.period
         self.intervals.clear()
         self.times.clear()
 
@@ -142,11 +149,11 @@ class Beats:
         return round(periods) >= 1 and abs(periods - round(periods)) < IN_PHASE
 
     def is_paired(self, period: float) -> bool:
-        """Return whether any two intervals that follow each other make a period in s, as those of two nodes do."""
+        """Return whether any two successive intervals sum to a period in s, as with two nodes."""
         return all(abs((one + two) / period - 1) < UNEVEN for one, two in pairwise(self.intervals))
 
     def series(self, time: float) -> tuple[float, float] | None:
-        """Take in a heartbeat at a time in s; return the periods of two series if they are that many.
+        """Process a heartbeat at a time in s; return the periods if there are two series.
 
         A twin does not go away: few windows are looked at.
         """
@@ -201,10 +208,14 @@ class NodesWatcher(Watcher):
     def _command(self, time: float, command: int, node_id: int) -> None:
         self.bus.commanded = time
         heard = [each for each in self.bus.nodes.values() if each.heard]
-        for node in heard if node_id == ALL_NODES else [self.bus.node(node_id)] if node_id in NODE_IDS else []:
+        nodes = heard
+        if node_id != ALL_NODES:
+            nodes = [self.bus.node(node_id)] if node_id in NODE_IDS else []
+        for node in nodes:
             self._beats_of(node).flips = 0
             if command in RESETS:
-                node.reset, node.state = time, None
+                node.reset = time
+                node.state = None
                 node.boots += 1
                 self._forget_orders(node)
                 self._beats_of(node).restart(None)
@@ -219,16 +230,19 @@ class NodesWatcher(Watcher):
         self._wanted.pop(node.node_id, None)
 
     def _boot(self, time: float, node: ObservedNode) -> None:
-        last, self._booted[node.node_id] = self._booted.get(node.node_id), time
+        last = self._booted.get(node.node_id)
+        self._booted[node.node_id] = time
         beats = self._beats_of(node)
         self._lost(node.node_id, beats)
-        rule, text = None, f"{NodeChange.BOOTED.value} again without a reset"
+        rule = None
+        text = f"{NodeChange.BOOTED.value} again without a reset"
         if node.reset is not None:
             node.reset = None
         elif last is not None and time - last < TOGETHER and node.state is None:
             self._two(node, "two boot-ups come after one start", "boot-ups")
         elif node.state is NmtState.OPERATIONAL:
-            rule, text = BusRule.BOOTS_OPERATIONAL, f"{NodeChange.BOOTED.value} while it was operational"
+            rule = BusRule.BOOTS_OPERATIONAL
+            text = f"{NodeChange.BOOTED.value} while it was operational"
         elif last is not None or node.state is not None:
             rule = BusRule.BOOTS_AGAIN
         if rule and node.state and beats.last is not None and beats.usual and not beats.lost:
@@ -237,14 +251,16 @@ class NodesWatcher(Watcher):
             self._unclear[node.node_id] = unclear
         elif rule:
             self.bus.found(rule, node.name, text)
-        node.booted, node.state, node.since = True, None, time
+        node.booted = True
+        node.state = None
+        node.since = time
         node.boots += 1
         self._forget_orders(node)
         self._toggles[node.node_id] = None
         beats.restart(time)
 
     def _settle(self, time: float, node: ObservedNode, state: NmtState) -> None:
-        """Decide by the next heartbeat who has booted: the node, or another one with its node-ID."""
+        """Decide by a heartbeat whether the node or another one with its node-ID has booted."""
         unclear = self._unclear.pop(node.node_id, None)
         if unclear is None:
             return
@@ -284,7 +300,7 @@ class NodesWatcher(Watcher):
             self.bus.found(BusRule.NOT_FOLLOWED, node.name, text, command)
 
     def _untold(self, node: ObservedNode, state: NmtState) -> None:
-        """Look at a state that nobody has commanded: the first one after a boot-up, or one after another."""
+        """Check a state that was not commanded."""
         missed = f"; missed: {node.missed[1]}" if node.missed and self.bus.now - node.missed[0] < REACTS_WITHIN else ""
         text = f"goes from {STATE_NAMES[node.state or 0]} to {STATE_NAMES[state]} without a command{missed}"
         starts = node.dictionary and boot_state(node.dictionary.default(NMT_STARTUP))
@@ -315,19 +331,21 @@ class NodesWatcher(Watcher):
                 every = " and ".join(brief(each) for each in periods)
                 self._two(node, f"two series of heartbeats, every {every} (observed)", "heartbeats")
         self._lost(node.node_id, beats)
-        beats.last, beats.lost = time, False
+        beats.last = time
+        beats.lost = False
         node.is_lost = False
 
     def _lost(self, node_id: int, beats: Beats) -> None:
-        """Report a loss that has not been reported yet, if there is one."""
+        """Report a pending loss."""
         if beats.silence:
             text, seen = beats.silence
             beats.silence = None
             self.bus.found(BusRule.HEARTBEAT_LOST, self.bus.node(node_id).name, text, seen=seen)
 
     def _judge(self, node: ObservedNode, beats: Beats, last: float) -> None:
-        """Look at a node's last intervals, of which this is the last one, in s."""
-        intervals, period = beats.intervals, beats.period or beats.observed
+        """Check a node's last intervals; `last` is the latest, in s."""
+        intervals = beats.intervals
+        period = beats.period or beats.observed
         if last > LATE_AFTER * beats.usual and len(intervals) > SURE and not beats.is_of_two:
             text = f"a heartbeat after {brief(last)}, with a period of {brief(beats.usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
@@ -347,14 +365,14 @@ class NodesWatcher(Watcher):
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 
     def set_period(self, node: ObservedNode) -> None:
-        """Take in that a node has another heartbeat time now."""
+        """Update the heartbeat time of a node."""
         beats = self._beats_of(node)
         beats.period = node.number(HEARTBEAT_TIME) / 1000
-        beats.restart(None)  # until the next one: it may also have been switched off
+        beats.restart(None)  # none is due, as the heartbeat may have been disabled
 
     @property
     def beating(self) -> list[Beats]:
-        """The heartbeats that are due."""
+        """Heartbeats that are due."""
         return [each for each in self._beats.values() if each.last is not None and not each.lost and each.usual]
 
     def tick(self, time: float) -> None:
@@ -385,7 +403,7 @@ class NodesWatcher(Watcher):
             node.state = None
 
     def silent(self, time: float, consumer: ObservedNode) -> list[str]:
-        """Return whose heartbeat a consumer misses at a time in s: of those in its 0x1016, or else of all."""
+        """Return the nodes whose heartbeat a consumer misses at a time in s: those in its 0x1016, or else all."""
         entries = [
             number for (index, sub), number in consumer.in_force().items() if index == CONSUMED_HEARTBEATS and sub
         ]
@@ -398,14 +416,14 @@ class NodesWatcher(Watcher):
         return found
 
     def pause(self, until: float) -> None:
-        """Take in that nothing is sent until a time in s, as the bit rate changes."""
+        """Expect no heartbeats until a time in s, as the bit rate changes."""
         for beats in self.beating:
             beats.restart(until)
 
     # Guarding
 
     def _is_beat(self, time: float, node: ObservedNode, frame: Frame) -> bool:
-        """Return whether what came behind a question of a guarding master is a heartbeat all the same."""
+        """Return whether an apparent answer to node guarding is a heartbeat."""
         if frame.is_remote or frame.data[0] & TOGGLE:
             return False
         late = time - self._asked_at.get(node.node_id, time) > ANSWERS_WITHIN
@@ -432,7 +450,8 @@ class NodesWatcher(Watcher):
         for node_id, unclear in self._unclear.items():
             self.bus.found(unclear.rule, self.bus.node(node_id).name, unclear.text, seen=unclear.seen)
         for node in list(self.bus.nodes.values()):
-            waiting, beats = self._pre_operational.get(node.node_id), self._beats_of(node)
+            waiting = self._pre_operational.get(node.node_id)
+            beats = self._beats_of(node)
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
                 self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
             if waiting and time - waiting.places[0].time > BOOTS_WITHIN and node.node_id not in self._told:
@@ -447,8 +466,12 @@ class NodesWatcher(Watcher):
             self._consumers(node)
 
     def _consumers(self, node: ObservedNode) -> None:
-        """Compare what a node waits for (0x1016) with what its producers send."""
-        known = {*node.in_force(), *(node.dictionary.addresses() if node.dictionary else ())} if node.heard else set()
+        """Compare the heartbeats that a node consumes (0x1016) with those that are sent."""
+        if not node.heard:
+            return
+        known = set(node.in_force())
+        if node.dictionary:
+            known.update(node.dictionary.addresses())
         entries = (node.number(each) for each in sorted(known) if each[0] == CONSUMED_HEARTBEATS and each[1])
         for node_id, wait in ((entry >> 16 & 0x7F, (entry & 0xFFFF) / 1000) for entry in entries):
             beats = self._beats.get(node_id)
@@ -470,20 +493,20 @@ class NodesWatcher(Watcher):
 # Emergencies
 
 STORM = 10
-"""More emergencies of a node in a second are a storm."""
+"""Maximum number of emergencies of a node per second that is not reported."""
 
 OPEN = 16
-"""Most different errors of a node that are kept open; more are counted as the last of them."""
+"""Maximum number of distinct open errors of a node; further ones count as the last of them."""
 
 MISSING = (0x8100, 0x8130)
-"""Error codes of a node that misses another one: communication, life guarding or heartbeat (CiA 301, Table 26)."""
+"""Error codes for a missed node: communication, life guarding or heartbeat (CiA 301, Table 26)."""
 
 GENERIC = 1
-"""Bit of the error register that is set while there is any error (CiA 301, 7.5.2.2)."""
+"""Bit of the error register for any error (CiA 301, 7.5.2.2)."""
 
 
 class EmergencyWatcher(Watcher):
-    """Watches which errors nodes report, and which of them they take back."""
+    """Watches the errors that nodes report and clear."""
 
     SERVICES = (EMCY_NAME,)
 
@@ -497,7 +520,9 @@ class EmergencyWatcher(Watcher):
         said = meaning.fields
         if "code" not in said:
             return
-        node, code, register = self.bus.node(said["node"]), said["code"], said["register"]
+        node = self.bus.node(said["node"])
+        code = said["code"]
+        register = said["register"]
         node.heard = True
         times, present = self._times[node.node_id], self._open[node.node_id]
         times.append(time)
@@ -539,14 +564,14 @@ CAUSES = {
     0x8240: "SYNC has another length than its 0x1019 says",
     0x8250: "a PDO that it receives stays away for longer than its event timer",
 }
-"""Why a node likely reports an error of CiA 301, Table 26."""
+"""Likely causes of errors of CiA 301, Table 26."""
 
 
 # LSS
 
 
 class LssWatcher(Watcher):
-    """Watches that devices do not stay in LSS configuration state, and when the bit rate changes."""
+    """Watches for devices left in LSS configuration state, and for changes of the bit rate."""
 
     SERVICES = (LSS,)
 
@@ -563,7 +588,7 @@ class LssWatcher(Watcher):
             is_configured = is_answer or frame.data[1] == LssState.CONFIGURATION
             self._configured = Occurrences.once(self.bus.at()) if is_configured else None
         elif not frame.is_remote and not is_answer and frame.data[0] == Lss.ACTIVATE_BIT_TIMING:
-            # Nobody sends for the delay before the switch, and for the same one after it (CiA 305).
+            # The bus is silent for the delay before the switch and the same time after it (CiA 305).
             self._nodes.pause(time + 2 * int.from_bytes(frame.data[1:3], "little") / 1000)
 
     def end(self, time: float) -> None:

@@ -1,4 +1,4 @@
-"""Watches PDOs, SYNC and TIME: when they come, from whom, and as mapped (CiA 301, 7.2.2, 7.2.5, 7.2.6)."""
+"""Watches PDOs, SYNC and TIME: their times, senders and mappings (CiA 301, 7.2.2, 7.2.5, 7.2.6)."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from eurobot_od.traffic.services import SYNC_NAME, TIME_NAME
 from eurobot_od.traffic.statistics import SeenTraffic
 
 INHIBITED, STAMP = 0.9, 0.0005
-"""Share of an inhibit time that has to pass, and what two time stamps may be wrong by, s."""
+"""Minimum share of the inhibit time between two PDOs, and the error of two time stamps in s."""
 
 ON_ITS_WAY = 0.05
-"""Seconds after a change of state in which a frame may come that was sent before."""
+"""Time after a change of state in which an earlier frame may still arrive, in s."""
 
 OF_EVENTS = range(254, 256)
 """Transmission types of PDOs that have an event timer (CiA 301, 7.5.2.37)."""
@@ -40,12 +40,12 @@ TPDOS = COMMUNICATION_RECORDS[PdoDirection.TPDO]
 """Communication records of the PDOs that a device sends."""
 
 SYNCS = 3
-"""So many times its number of SYNCs a synchronous PDO may be late."""
+"""Maximum delay of a synchronous PDO, as a multiple of its number of SYNCs."""
 
 
 @dataclass
 class TpdoWatch:
-    """The watch over a TPDO: its parameters in force, its sender, its last time, `early` ones (not OPERATIONAL)."""
+    """A watched TPDO: its parameters, sender and last time, and the `early` frames (not OPERATIONAL)."""
 
     name: str
     pdo: Pdo
@@ -56,17 +56,17 @@ class TpdoWatch:
 
     @cached_property
     def inhibit(self) -> float:
-        """Inhibit time, s."""
+        """Inhibit time, in s."""
         return self.pdo.inhibit_time / 10_000
 
     @cached_property
     def timer(self) -> float:
-        """Event timer, s; 0 for one that is sent on SYNC or on request."""
+        """Event timer, in s; 0 for a PDO sent on SYNC or request."""
         return self.pdo.event_timer / 1000 if self.pdo.transmission_type in OF_EVENTS else 0.0
 
 
 class PdoWatcher(Watcher):
-    """Watches the PDOs that devices with files send."""
+    """Watches the PDOs of devices with files."""
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
@@ -76,7 +76,7 @@ class PdoWatcher(Watcher):
         bus.stated.append(self._said)
 
     def changed(self) -> None:
-        """Take in that the mapping in force is another one."""
+        """Process a change of the mapping."""
         self._pdos.clear()
         self._since = self.bus.now
 
@@ -88,9 +88,11 @@ class PdoWatcher(Watcher):
         return partial(self._came, watched)
 
     def _came(self, watched: TpdoWatch, time: float, _: Meaning) -> None:
-        """Take in a frame of a TPDO."""
+        """Process a frame of a TPDO."""
         sender, last = watched.sender, watched.last
-        sender.heard, watched.last, is_operational = True, time, sender.is_operational
+        sender.heard = True
+        watched.last = time
+        is_operational = sender.is_operational
         if last is not None and (watched.inhibit or watched.timer) and time >= last:
             self._judge(watched, time - last, is_steady=is_operational and sender.since <= last)
         if not (is_operational or watched.always or time - sender.since < ON_ITS_WAY):
@@ -99,9 +101,10 @@ class PdoWatcher(Watcher):
             watched.early.add(self.bus.at())
 
     def _judge(self, watched: TpdoWatch, interval: float, *, is_steady: bool) -> None:
-        """Compare the interval since the last frame with the PDO's times."""
+        """Compare the interval since the last frame with the PDO's timers."""
         if watched.inhibit and interval < INHIBITED * watched.inhibit - STAMP:
-            after, allowed = brief(interval), brief(watched.inhibit)
+            after = brief(interval)
+            allowed = brief(watched.inhibit)
             text = f"{watched.name} comes {after} after the one before, inhibit time {allowed}"
             self.bus.found(BusRule.PDO_INHIBIT, watched.sender.name, text, watched.pdo.cob_id)
         if watched.timer and is_steady and interval > LATE_AFTER * watched.timer:
@@ -112,7 +115,7 @@ class PdoWatcher(Watcher):
         self.bus.found(BusRule.PDO_TIMER, watched.sender.name, text, watched.pdo.cob_id)
 
     def _said(self, node: ObservedNode) -> None:
-        """Take in that a node has said its state: what it sent before, it sent in this one."""
+        """Process a state that a node reports; earlier frames were sent in that state."""
         for each in self._early.pop(node.node_id, ()):
             if not node.is_operational:
                 text = f"{each.name} while it is {STATE_NAMES[node.state or 0]}"
@@ -120,7 +123,7 @@ class PdoWatcher(Watcher):
             each.early = Occurrences()
 
     def _first(self, cob_id: int) -> TpdoWatch | None:
-        """Return how to watch an identifier, and report what its first frame shows."""
+        """Return the watch of an identifier, and check its first frame."""
         decoder = self.bus.decoder
         binding = decoder.binding(cob_id)
         sender = self.bus.named(binding.senders[0]) if binding and binding.senders else None
@@ -132,13 +135,13 @@ class PdoWatcher(Watcher):
             text = f"{binding.name} (0x{identifier_text(cob_id)}) is received by no file"
             self.bus.found(BusRule.PDO_UNHEARD, sender.name, text, cob_id)
         has_type = decoder.protocol.catalogue.find(binding.name) is not None
-        if len(binding.senders) > 1 and not has_type:  # a robot's message may have several senders, meant so
+        if len(binding.senders) > 1 and not has_type:  # a robot's message may have several senders by design
             text = f"{' and '.join(binding.senders)} send {binding.name} under 0x{identifier_text(cob_id)}"
             self.bus.found(BusRule.COB_ID_SHARED, "", text, cob_id)
         return TpdoWatch(binding.name, binding.pdo, sender, binding.always)
 
     def _mapped(self, cob_id: int, binding: Binding, sender: ObservedNode) -> None:
-        """Report that a PDO is mapped, or sent, otherwise than its sender's file says; one that is not known is not."""
+        """Report a PDO whose known mapping or COB-ID differs from its sender's file."""
         if not binding.is_whole:
             return
         said = next((each for each in self.bus.files.protocol.bindings if each.name == binding.name), None)
@@ -157,7 +160,7 @@ class PdoWatcher(Watcher):
             each.last = None
 
     def _shared(self) -> None:
-        """Report identifiers that several devices without files were given for their TPDOs."""
+        """Report TPDO identifiers that were given to several devices without files."""
         nodes = [each for each in self.bus.nodes.values() if each.dictionary is None]
         given = [
             (entry, each)
@@ -182,10 +185,11 @@ class PdoWatcher(Watcher):
         for binding in self.bus.decoder.protocol.bindings:
             sender = self.bus.named(binding.senders[0]) if binding.senders else None
             pdo = binding.pdo
-            # What the sender's own record says; a receiver's may differ.
+            # Only the sender's record counts; a receiver's may differ.
             if not (sender and sender.heard and pdo.direction is PdoDirection.TPDO and sender.state):
                 continue
-            span, is_sent = time - max(sender.since, self._since), binding.cob_id in self._pdos
+            span = time - max(sender.since, self._since)
+            is_sent = binding.cob_id in self._pdos
             if not sender.is_operational or span < 1.0:
                 continue
             syncs = self.bus.counts[SYNC_NAME]
@@ -204,18 +208,18 @@ class PdoWatcher(Watcher):
 
 
 STEADY, EVEN = 12, 0.5
-"""So many intervals in a row that differ by no more than this share are a period."""
+"""Number of successive intervals that make a period, and their maximum relative deviation."""
 
 STOPPED_AFTER = 10
-"""Periods of silence after which a message has stopped."""
+"""Number of silent periods after which a message has stopped."""
 
 LEAST_SILENCE = 1.0
-"""Shortest time without a message after which it has stopped, in s."""
+"""Minimum silence after which a message has stopped, in s."""
 
 
 @dataclass
 class PeriodicStream:
-    """The frames of one identifier: their name, when the `last` one came, their `period` by now, times in s.
+    """Frames of one identifier: their name, the time of the `last` one, their `period`, in s.
 
     So many intervals in a row were `even`, from a frame at `since` on; those of an even number ended at `paired`.
     """
@@ -229,12 +233,13 @@ class PeriodicStream:
 
     @property
     def observed(self) -> float:
-        """The average period since it is steady, in s: of an even number, as a coarse clock alternates."""
+        """Average period since it became steady, in s; over pairs, as a coarse clock alternates."""
         return (self.paired - self.since) / (self.even & ~1)
 
     def take(self, time: float, _: Meaning) -> None:
-        """Take in a frame."""
-        last, self.last = self.last, time
+        """Process a frame."""
+        last = self.last
+        self.last = time
         if last is None:
             return
         interval = time - last
@@ -244,15 +249,17 @@ class PeriodicStream:
             if not self.even & 1:
                 self.paired = time
         else:
-            self.even, self.period, self.since = 0, interval, time
+            self.even = 0
+            self.period = interval
+            self.since = time
 
     def restart(self) -> None:
-        """Forget what was before a gap."""
+        """Forget everything before a gap."""
         self.last, self.period, self.even = None, 0.0, 0
 
 
 class StreamWatcher(Watcher):
-    """Watches messages that come with a period, which the log shows, and then stay away."""
+    """Watches for periodic messages that stop."""
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
@@ -269,18 +276,18 @@ class StreamWatcher(Watcher):
                 stream.even = 0
 
     def last(self, cob_id: int) -> float | None:
-        """Return when a message came last, in s."""
+        """Return the time of a message's last frame, in s."""
         stream = self._streams.get(cob_id)
         return stream.last if stream else None
 
     def silent(self, time: float) -> Iterator[tuple[int, str, float, float]]:
-        """Yield what has just stopped at a time in s: COB-ID, name, when it came last, and its period in s."""
+        """Yield messages that have just stopped at a time in s: COB-ID, name, last time, and period in s."""
         for cob_id, stream in self._streams.items():
             if stream.even >= STEADY and stream.last is not None and time - stream.last > SYNCS * stream.period:
                 yield cob_id, stream.name or f"0x{identifier_text(cob_id)}", stream.last, stream.observed
 
     def _stopped(self, cob_id: int, stream: PeriodicStream, last: float) -> None:
-        node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # as nearly all PDOs have it in their COB-ID
+        node = self.bus.nodes.get(cob_id & NODE_IDS[-1])  # nearly all PDOs have the node-ID in their COB-ID
         is_told = self.bus.commanded > last - LEAST_SILENCE
         if not is_told and node and node.state is NmtState.OPERATIONAL and not node.is_lost:
             text = f"{stream.name or '0x' + identifier_text(cob_id)} stops: {_came(stream.observed, last)}"
@@ -296,11 +303,11 @@ def _came(period: float, last: float) -> str:
 
 
 NO_SOONER = 0.5
-"""Seconds that an answer has at least, however short its deadline is."""
+"""Minimum timeout of an answer, in s, even with a shorter deadline."""
 
 
 class AnswerWatcher(Watcher):
-    """Watches that messages get the answers that the network file promises, and in the time that is computed."""
+    """Watches for the answers that the network file promises, within their computed bounds."""
 
     def __init__(self, bus: ObservedBus, promised: MessageSet, bit_rate: int) -> None:
         super().__init__(bus)
@@ -315,7 +322,7 @@ class AnswerWatcher(Watcher):
         return partial(self._came, cob_id, seen.promised.get(cob_id), seen.answers.get(cob_id, ()))
 
     def _came(self, cob_id: int, row: BoundRow | None, answers: Collection[int], time: float, meaning: Meaning) -> None:
-        """Take in an answer, whose bound is in a `row`, or a message that is answered by others."""
+        """Process an answer, whose bound is in `row`, or a message that others answer."""
         self._open.pop(cob_id, None)
         asked = self._asked.pop(cob_id, None)
         if asked is not None and row and row.response is not None and time - asked > row.response / MICROSECONDS:
@@ -343,24 +350,24 @@ class AnswerWatcher(Watcher):
 
 
 DOUBLE = 0.1
-"""Share of the period in which two SYNCs come together, if they are of two producers in phase."""
+"""Maximum distance of SYNCs of two producers in phase, as a share of the period."""
 
 ONE_PRODUCER = 1.55
-"""Ratio of the intervals between SYNCs up to which they are one producer's: a timer on a coarse clock has 1.5."""
+"""Maximum ratio of SYNC intervals of one producer; a timer on a coarse clock reaches 1.5."""
 
 INTERVALS = 500
-"""The last intervals between SYNCs, of which shortest, longest and average are told."""
+"""Number of the last SYNC intervals that statistics use."""
 
 
 ALTERNATES = (
     "one producer whose timer alternates, or two of one period whose clocks agree: unplug one, or give SYNC a counter "
     "(0x1019), which tells"
 )
-"""Why SYNC likely comes after two times by turns that do not drift."""
+"""Likely cause of two alternating SYNC intervals that do not drift."""
 
 
 class SyncWatcher(Watcher):
-    """Watches the period of SYNC, its counter, and who sends it."""
+    """Watches the period, counter and producers of SYNC."""
 
     SERVICES = (SYNC_NAME,)
 
@@ -376,7 +383,8 @@ class SyncWatcher(Watcher):
         self._interval = inf
         self._intervals: deque[float] = deque(maxlen=INTERVALS)
         self._before, self._usual = b"", 0.0
-        self._uneven, self._jitter = Occurrences(), ""
+        self._uneven = Occurrences()
+        self._jitter = ""
         self._turns: tuple[Sequence[float], Sequence[float]] | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -396,7 +404,7 @@ class SyncWatcher(Watcher):
         self.bus.found(BusRule.SYNC_TWO, "", f"two producers of SYNC: {text}", subject, seen=seen)
 
     def _look_for_producers(self) -> None:
-        """Take in who sends SYNC by its settings: a master may have written them since."""
+        """Update the producers of SYNC from settings, which a master may have written."""
         producers = [each for each in self.bus.nodes.values() if each.number(SYNC) & SYNC_PRODUCER]
         if producers != self._producers:
             self._producers = producers
@@ -405,7 +413,7 @@ class SyncWatcher(Watcher):
                 self._two_producers(text, "files")
 
     def _period(self, time: float, interval: float) -> None:
-        """Compare an interval with the period by the settings, or else with the one observed."""
+        """Compare an interval with the configured period, or else the observed one."""
         said = next((each.number(SYNC_PERIOD) / 1e6 for each in self._producers if each.number(SYNC_PERIOD)), 0.0)
         if not self._number % SYNCS:
             self._usual = self._observed
@@ -424,7 +432,8 @@ class SyncWatcher(Watcher):
         self._extra(interval, usual)
         if not usual or self._two:
             return
-        is_short, is_uneven = said and self._short >= SYNCS, abs(interval / usual - 1) > 0.25
+        is_short = said and self._short >= SYNCS
+        is_uneven = abs(interval / usual - 1) > 0.25
         if not (is_short or is_uneven):
             return
         text = f"SYNC comes after {brief(interval)}, with a period of {brief(usual)}" if said else ""
@@ -436,25 +445,27 @@ class SyncWatcher(Watcher):
             self._uneven.add(self.bus.at())
 
     def _are_of_two(self, one: float, two: float) -> bool:
-        """Return whether two series with these periods, in s, are of two producers.
+        """Return whether two series with these periods, in s, come from two producers.
 
         Those of one period drift, as no two clocks agree. What does not may be one producer whose timer alternates.
         """
         if abs(one / two - 1) > SAME:
             return True
         intervals = sorted(after - before for before, after in pairwise(self._times))
-        short, long = intervals[1 : len(intervals) // 2 - 1], intervals[(len(intervals) + 1) // 2 + 1 : -1]
+        short = intervals[1 : len(intervals) // 2 - 1]
+        long = intervals[(len(intervals) + 1) // 2 + 1 : -1]
         if self._turns is None:
             self._turns = short, long
         first, _ = self._turns
         return short[0] > first[-1] + STAMP or short[-1] < first[0] - STAMP
 
     def _extra(self, interval: float, usual: float) -> None:
-        """Look for a SYNC between two of the series: that of a second producer in phase with the first one.
+        """Detect SYNCs of a second producer in phase with the first.
 
         Without data most of such frames are sent as one: a wire cannot tell two nodes that send the same bits.
         """
-        before, self._interval = self._interval, interval
+        before = self._interval
+        self._interval = interval
         if before < DOUBLE * usual and abs(before + interval - usual) < DOUBLE * usual:
             self._doubles += 1
             if self._doubles >= SYNCS and not self._two:
@@ -465,7 +476,7 @@ class SyncWatcher(Watcher):
 
     @property
     def _observed(self) -> float:
-        """The period by the last SYNCs, s: half of two intervals, as a coarse clock alternates; 0 for too few."""
+        """Period by the last SYNCs, in s: half of two intervals, as a coarse clock alternates; 0 for too few."""
         times = [*self._times]
         pairs = sorted(after - before for before, after in zip(times, times[2:]))
         return pairs[len(pairs) // 2] / 2 if len(times) > 2 * SYNCS else 0.0
@@ -489,7 +500,8 @@ class SyncWatcher(Watcher):
         usual = self._usual
         if self._last is None or not usual or time - self._last[0] < max(STOPPED_AFTER * usual, LEAST_SILENCE):
             return
-        since, self._last = self._last[0], None
+        since = self._last[0]
+        self._last = None
         self._times.clear()
         is_told = self.bus.commanded > since - LEAST_SILENCE
         if not is_told and any(each.state is NmtState.OPERATIONAL for each in self.bus.nodes.values()):
@@ -509,11 +521,12 @@ class SyncWatcher(Watcher):
         if self._skipped:
             self.bus.found(BusRule.SYNC_COUNTER, "", self._skipped[0], seen=self._skipped[1])
         if self._uneven.number:
-            cause, text = ALTERNATES if self._turns else "", self._jitter or self._as_seen()
+            cause = ALTERNATES if self._turns else ""
+            text = self._jitter or self._as_seen()
             self.bus.found(BusRule.SYNC_JITTER, "", text, seen=self._uneven, cause=cause)
 
     def _as_seen(self) -> str:
-        """Return the times between SYNCs as they were: of an even number, as a coarse clock alternates."""
+        """Return text on the observed SYNC intervals; of an even number, as a coarse clock alternates."""
         intervals = [*self._intervals][len(self._intervals) % 2 :]
         span = f"{brief(min(intervals))} to {brief(max(intervals))}"
         if self._turns:
@@ -522,19 +535,19 @@ class SyncWatcher(Watcher):
 
 
 def _follows(before: bytes, present: bytes) -> bool:
-    """Return whether a counter of SYNC follows another one; 1 follows the overflow value (CiA 301, 7.5.2.22)."""
+    """Return whether one SYNC counter follows another; 1 follows the overflow value (CiA 301, 7.5.2.22)."""
     return bool(before) and present[0] in (before[0] + 1, 1)
 
 
 JUMP = 1.0
-"""Seconds that TIME may deviate from the clock of the log from one message to the next."""
+"""Maximum deviation of TIME from the log's clock between two messages, in s."""
 
 TIMES = 3
-"""Periods of silence after which TIME has stopped: most are of a second, or more."""
+"""Number of silent periods after which TIME has stopped; most periods are 1 s or more."""
 
 
 class TimeWatcher(Watcher):
-    """Watches that TIME goes on as the clock of the log does, and that it does not stop."""
+    """Watches that TIME keeps pace with the log's clock and does not stop."""
 
     SERVICES = (TIME_NAME,)
 
@@ -559,7 +572,8 @@ class TimeWatcher(Watcher):
     def tick(self, time: float) -> None:
         if self._last is None or len(self._intervals) < SYNCS:
             return
-        period, since = max(self._intervals), self._last[0]
+        period = max(self._intervals)
+        since = self._last[0]
         if period > ONE_PRODUCER * min(self._intervals) or time - since < max(TIMES * period, LEAST_SILENCE):
             return
         self._intervals.clear()

@@ -1,4 +1,4 @@
-"""Asks nodes that show trouble what they say of themselves, one object at a time: `diagnose --ask`.
+"""Reads objects of nodes in trouble, one at a time, for `diagnose --ask`.
 
 Meanings and times go in, requests come out; who drives it has the bus. Nothing is asked while the transfer of another
 client is open on the bus. If one begins in the middle of a question, that is left to the other, and asked again later.
@@ -28,26 +28,26 @@ from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import SDO, SdoEnd, value_words
 
 ANSWER_WAIT = 0.5
-"""Time that a node has for an answer, in s."""
+"""Timeout of an answer, in s."""
 
 GIVEN_UP = 1.0
-"""Time after the last frame of another client's transfer from which on it counts as given up, in s."""
+"""Silence after which another client's transfer counts as abandoned, in s."""
 
 AGAIN = 10.0
-"""Time after which a node that shows trouble of another kind is asked again, in s."""
+"""Minimum time before a node with new trouble is asked again, in s."""
 
 MOST_ENTRIES = 8
-"""Most entries of 0x1003, and of 0x1016, that are read."""
+"""Maximum number of entries of 0x1003 and of 0x1016 to read."""
 
 TROUBLE = (Severity.ERROR, Severity.WARNING)
-"""A node with such an incident is asked."""
+"""Severities of incidents whose nodes are asked."""
 
 Objects: TypeAlias = Generator[Address, "bytes | None", None]
-"""Yields the objects to read one after the other, and is sent what the node has there; None if it refuses."""
+"""Yields the objects to read, and is sent their contents; None if the node refuses."""
 
 
 def _objects(axes: Callable[[], Sequence[int]]) -> Objects:
-    """Yield what a node in trouble is asked for; `axes` are those of a drive, by number."""
+    """Yield the objects to read of a node in trouble; `axes` are the numbers of a drive's axes."""
     yield standard.ERROR_REGISTER
     yield from _entries(ERROR_FIELD)
     yield from ((IDENTITY, sub) for sub in range(1, len(LSS_IDENTITY) + 1))
@@ -70,7 +70,7 @@ def _number(content: bytes) -> int:
 
 
 ErrorText: TypeAlias = Callable[[int], str]
-"""Puts an error code of a node into words."""
+"""Returns the meaning of a node's error code."""
 
 
 def _register_words(register: int, _: ErrorText) -> str:
@@ -86,7 +86,7 @@ OF_NUMBERS: Mapping[Address, tuple[str, str]] = {
     (ERROR_FIELD, 0): ("remembered error", "remembered errors"),
     (CONSUMED_HEARTBEATS, 0): ("entry of consumers", "entries of consumers"),
 }
-"""What sub-index 0 of a list counts."""
+"""Nouns for the count in sub-index 0 of a list."""
 
 OF_OBJECTS: Mapping[int, Callable[[int, ErrorText], str]] = {
     standard.ERROR_REGISTER[0]: _register_words,
@@ -95,11 +95,11 @@ OF_OBJECTS: Mapping[int, Callable[[int, ErrorText], str]] = {
     CONSUMED_HEARTBEATS: _consumer_words,
     standard.HEARTBEAT_TIME[0]: lambda period, _: f"heartbeat time {period} ms",
 }
-"""What the number of an object says, by its index."""
+"""Formatters of an object's number, by index."""
 
 
 def answer_words(address: Address, content: bytes, errors: ErrorText) -> str:
-    """Write what a node has answered for an object; `errors` has words for its error codes."""
+    """Format the content of an object; `errors` returns the meanings of its error codes."""
     index, sub = address
     if address in OF_NUMBERS:
         return amount(_number(content), *OF_NUMBERS[address])
@@ -113,7 +113,7 @@ def answer_words(address: Address, content: bytes, errors: ErrorText) -> str:
 
 
 class OpenQuestion:
-    """A question to a node on its SDO channel: its transfer, and the requests of it that the bus has not shown yet."""
+    """A question to a node on its SDO channel: its transfer, and its requests not yet seen on the bus."""
 
     def __init__(self, node: ObservedNode, objects: Objects, address: Address, request: int, time: float) -> None:
         self.node, self.objects, self.address, self.request = node, objects, address, request
@@ -123,17 +123,17 @@ class OpenQuestion:
 
     @property
     def is_of_list(self) -> bool:
-        """Whether it is about an entry of a list, of which any may be empty."""
+        """Whether it reads an entry of a list, which may be empty."""
         index, sub = self.address
         return (index, 0) in OF_NUMBERS and sub > 0
 
     def add(self, requests: Iterable[bytes]) -> None:
-        """Take in requests that are sent now."""
+        """Add requests that are being sent."""
         self.unseen += requests
 
 
 class Questions:
-    """The questions to the nodes of a bus that show trouble; `axes` returns the axes that a drive has shown."""
+    """Questions to the nodes of a bus in trouble; `axes` returns the known axes of a drive."""
 
     def __init__(self, bus: ObservedBus, axes: Callable[[int], Sequence[int]]) -> None:
         self._bus, self._axes = bus, axes
@@ -147,11 +147,11 @@ class Questions:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a question waits for its turn, or for its answer."""
+        """Whether a question waits for its turn or its answer."""
         return bool(self._waiting or self._open or self._to_send)
 
     def look(self, time: float, found: Iterable[Incident]) -> None:
-        """Take in what is found until a time in s: a node with trouble of a new kind is asked."""
+        """Process the incidents found until a time in s; nodes with new trouble are asked."""
         for each in found:
             node = self._bus.named(each.who) if each.who and each.rule.severity in TROUBLE else None
             if node and (each.who, each.rule.id) not in self._known:
@@ -163,13 +163,15 @@ class Questions:
             self.look(time, each.follows)
 
     def take(self, time: float, meaning: Meaning) -> None:
-        """Take in a frame of the bus, ours among them."""
+        """Process a frame of the bus, including our own."""
         if meaning.name != SDO or not isinstance(meaning.raw, Frame) or meaning.raw.is_remote:
             return
         service = self._bus.decoder.services.get(meaning.raw.cob_id)
         if service is None or service.end is None:
             return
-        end, data, question = service.end, meaning.raw.data, self._open
+        end = service.end
+        data = meaning.raw.data
+        question = self._open
         if question and end.channel == question.request and (end.is_answer or data in question.unseen):
             self._own(time, question, end, data)
             return
@@ -193,12 +195,12 @@ class Questions:
         self._to_send += (Frame(question.request, each) for each in requests)
 
     def _give_way(self, question: OpenQuestion) -> None:
-        """Leave a question, into which another client has begun a transfer, for later."""
+        """Postpone a question that another client's transfer has interrupted."""
         self._open = None
         self._waiting[question.node.node_id] = question.node, question.objects, question.address
 
     def _finish(self, question: OpenQuestion) -> None:
-        """Take in the end of a question, if it is one."""
+        """Process the end of a question, if it is done."""
         if not question.transfer.done:
             return
         self._open, content, is_silent = None, None, False
@@ -206,11 +208,12 @@ class Questions:
             content = question.transfer.result()
             text = answer_words(question.address, content, self._bus.decoder.errors.of(question.node.node_id))
         except RemoteError as error:
-            text, is_silent = str(error), isinstance(error, sdo.Silence)
+            text = str(error)
+            is_silent = isinstance(error, sdo.Silence)
         if not (question.is_of_list and content is not None and not any(content)):  # an entry that is not used
             self._answers.setdefault(question.node.name, {})[question.address] = f"{label(question.address)} {text}"
         try:
-            if not is_silent:  # else it is not asked for the rest
+            if not is_silent:  # a silent node is not asked again
                 following = question.objects.send(content)
                 self._waiting[question.node.node_id] = question.node, question.objects, following
         except StopIteration:
@@ -223,7 +226,8 @@ class Questions:
             self._finish(self._open)
         elif self._waiting and not any(time - last < GIVEN_UP for last in self._others.values()):
             self._ask(time, *self._waiting.pop(next(iter(self._waiting))))
-        frames, self._to_send = self._to_send, []
+        frames = self._to_send
+        self._to_send = []
         return frames
 
     def _ask(self, time: float, node: ObservedNode, objects: Objects, address: Address) -> None:
@@ -235,7 +239,7 @@ class Questions:
         self._to_send += (Frame(channel, each) for each in self._open.unseen)
 
     def answered(self, found: Iterable[Incident]) -> Iterator[Incident]:
-        """Yield incidents, of each node the first one with what it has answered."""
+        """Yield incidents; the first one of each node gets the node's answers."""
         left = dict(self._answers)
         for each in found:
             said = tuple(left.pop(each.who, {}).values())

@@ -1,4 +1,4 @@
-"""The table of rules: what can be wrong on any CANopen bus. `docs/diagnosis-rules.md` is made from it."""
+"""Table of rules for any CANopen bus; `docs/diagnosis-rules.md` is made from it."""
 
 from __future__ import annotations
 
@@ -656,11 +656,13 @@ class BusRule(IncidentRule):
 
     @property
     def stage(self) -> int:
-        return 3 if self.name in OF_FILES else 2 if self.name.startswith("EMCY") else 0
+        if self.name in OF_FILES:
+            return 3
+        return 2 if self.name.startswith("EMCY") else 0
 
 
 OF_FILES = frozenset(("CAN_STARVE", "PDO_UNHEARD", "PDO_WITHOUT_FILE"))
-"""The rules that judge files, and not what happened on the bus."""
+"""Rules that judge files, not events on the bus."""
 
 
 EXPLAINED: Mapping[str, Collection[str]] = {
@@ -707,4 +709,4 @@ EXPLAINED: Mapping[str, Collection[str]] = {
     "SYNC_STOPS": {"pdo-stops", "pdo-timer", "pdo-deadline"},
     "GUARD_UNANSWERED": {"guard-toggle"},
 }
-"""The rules whose incidents follow from one of another rule, by its name: they are shown below it."""
+"""Rules whose incidents follow from one of the named rule, and are shown below it."""

@@ -1,4 +1,4 @@
-"""Tells whether the times of some frames are one series with a period, or two of them."""
+"""Decides whether the times of frames form one periodic series, or two."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from itertools import pairwise
 from statistics import median
 
 WINDOW = 16
-"""Frames that are looked at together."""
+"""Number of frames examined together."""
 
 LEAST = 4
-"""Fewest frames of a series."""
+"""Minimum number of frames of a series."""
 
 SAME = 0.1
-"""Share by which two periods may differ, and be the same."""
+"""Maximum relative difference of equal periods."""
 
 OFF, STAMP = 0.04, 0.001
-"""Share of a period, and time in s, by which a frame of a series may be early or late."""
+"""Maximum deviation of a frame from its series: a share of the period plus a time in s."""
 
 
 def is_even(times: Sequence[float], ratio: float) -> bool:
-    """Return whether no interval is longer than another one by more than a ratio."""
+    """Return whether the longest interval exceeds the shortest by at most a ratio."""
     intervals = [two - one for one, two in pairwise(times)]
     return max(intervals) <= ratio * min(intervals)
 
 
 def two_series(times: Sequence[float], ratio: float) -> tuple[float, float] | None:
-    """Return the periods of the two series that uneven times in s are made of; None if they are not.
+    """Return the periods of the two series in uneven times in s, None if there are not two.
 
     Intervals that differ by less than `ratio` are the jitter of one series.
     """
@@ -47,15 +47,17 @@ def two_series(times: Sequence[float], ratio: float) -> tuple[float, float] | No
 
 
 def _alternates(times: Sequence[float], ratio: float) -> bool:
-    """Return whether every second interval is longer, and not just a single one."""
+    """Return whether every second interval is longer, not just a single one."""
     intervals = [two - one for one, two in pairwise(times)]
     short, long = sorted((median(intervals[::2]), median(intervals[1::2])))
     return long > ratio * short
 
 
 def _series(times: Sequence[float], period: float) -> set[float]:
-    """Return the times that follow the first one with a period; none if one of them is missing."""
-    found, last, off = {times[0]}, times[0], OFF * period + STAMP
+    """Return the times that follow the first one periodically; none if one is missing."""
+    found = {times[0]}
+    last = times[0]
+    off = OFF * period + STAMP
     while period > off and last + period + off <= times[-1]:
         place = bisect_left(times, last + period - off)
         near = [each for each in times[place : place + 3] if each <= last + period + off]

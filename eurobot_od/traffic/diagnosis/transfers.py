@@ -1,4 +1,4 @@
-"""Watches SDO: aborts, answers that are missing or too many, broken transfers, and what a master configures.
+"""Watches SDO: aborts, missing and extra answers, broken transfers, and configuration by a master.
 
 CiA 301, 7.2.4; the values of a device's DCF by CiA 302-2 and 306.
 """
@@ -26,16 +26,16 @@ from eurobot_od.traffic.services import NMT, SDO, CanopenService, SdoEnd, object
 from eurobot_od.traffic.transfers import ONE_WAY, SKIPPED, How
 
 IMPATIENT = 0.01
-"""Seconds that no client waits less for an answer: who asks again before that is another one."""
+"""Minimum time a client waits for an answer, in s; an earlier repeat comes from a second client."""
 
 RESTLESS = 0.2
-"""Time in which no client gives up a transfer that is going on, or asks for another object, in s."""
+"""Minimum time before a client abandons a running transfer or asks for another object, in s."""
 
 TWICE = 0.1
-"""Longest time between two answers to one request, from two nodes, in s."""
+"""Maximum time between answers of two nodes to one request, in s."""
 
 SCAN = 5
-"""So many nodes that do not answer the same question are looked for by a scan."""
+"""Number of nodes not answering the same question from which it counts as a scan."""
 
 IDENTIFIES: Mapping[Address, int] = {
     DEVICE_TYPE: 0xFFFF_FFFF,
@@ -44,27 +44,27 @@ IDENTIFIES: Mapping[Address, int] = {
     REVISION: 0xFFFF_0000,
     SERIAL: 0xFFFF_FFFF,
 }
-"""Objects by which a device is known, and the bits that count: minor revisions behave alike (CiA 301, 7.5.2.21)."""
+"""Objects that identify a device, and their significant bits; minor revisions behave alike (CiA 301, 7.5.2.21)."""
 
 MOST_QUESTIONS = 32
-"""Most objects for which the nodes are kept that do not answer."""
+"""Maximum number of objects for which silent nodes are recorded."""
 
 NAMING = (ServerCommand.DOWNLOAD, ServerCommand.UPLOAD)
-"""Answers that name their object."""
+"""Commands of answers that name their object."""
 
 PATIENT = 0.5
-"""Seconds after which a request that has no answer at the end of a log has none at all."""
+"""Minimum age of an open request at the end of a log to count as unanswered, in s."""
 
 SETTLED = 1.0
-"""Seconds from the begin of a log on in which an answer may belong to a request before it."""
+"""For this long after a log starts, in s, an answer may belong to a request made before recording."""
 
 LISTED = 5
-"""Objects that are named in a line."""
+"""Maximum number of objects named in a line."""
 
 
 @dataclass
 class SdoLine:
-    """An SDO channel: the object of the last request, when that came, and where; None after its answer.
+    """An SDO channel: the object, time and place of the open request; None after its answer.
 
     `before` is the question that another one has followed before its answer, with its time in s. `owed` counts the
     requests whose answers may come late; it `is_shared` by two clients. `answered` is the last object answered,
@@ -85,7 +85,7 @@ class SdoLine:
 
 
 class HeldFinding(NamedTuple):
-    """What only counts if the log has requests and answers: `rule`, `node` and `text` of the incident."""
+    """An incident that counts only if the log has both requests and answers."""
 
     rule: BusRule
     node: ObservedNode
@@ -94,7 +94,7 @@ class HeldFinding(NamedTuple):
     seen: Occurrences
 
     def report(self, bus: ObservedBus) -> None:
-        """Report it on its bus."""
+        """Report the incident on its bus."""
         bus.found(self.rule, self.node.name, self.text, cause=self.cause, seen=self.seen)
 
 
@@ -120,10 +120,11 @@ class SdoWatcher(Watcher):
             return
         frame = meaning.raw
         end = meaning.service.end if isinstance(meaning.service, CanopenService) else None
-        if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
+        if end is None or not isinstance(frame, Frame):  # a block segment, or no SDO frame
             return
         self._heard(end.is_answer)
-        line, node = self._lines.setdefault(end.channel, SdoLine()), self.bus.node(end.server)
+        line = self._lines.setdefault(end.channel, SdoLine())
+        node = self.bus.node(end.server)
         asked = line.seen if line.asked is not None else None
         if end.is_answer:
             node.heard = True
@@ -136,19 +137,22 @@ class SdoWatcher(Watcher):
             self._ended(meaning.transfer, node, is_refused=end.is_answer, asked=asked)
             if not end.is_answer and meaning.transfer.is_whole:
                 line.asked = None  # the client's last word
-        line.is_used, line.last, line.was_answer = True, time, end.is_answer
+        line.is_used = True
+        line.last = time
+        line.was_answer = end.is_answer
 
     def _heard(self, is_answer: bool) -> None:
-        """Take in a direction; with both, what was held back counts."""
+        """Record a direction; once there are both, report the findings held back."""
         if is_answer not in self._ways:
             self._ways.add(is_answer)
-            for each in self._held.values() if len(self._ways) > 1 else ():
-                each.report(self.bus)
+            if len(self._ways) > 1:
+                for each in self._held.values():
+                    each.report(self.bus)
 
     def _found(
         self, rule: BusRule, node: ObservedNode, text: str, cause: str = "", seen: Occurrences | None = None
     ) -> None:
-        """Report what one direction alone does not tell, or hold it back until the other one is there."""
+        """Report a finding that needs both directions, or hold it back until both were seen."""
         finding = HeldFinding(rule, node, text, cause, seen or Occurrences.once(self.bus.at()))
         if len(self._ways) > 1:
             finding.report(self.bus)
@@ -175,7 +179,8 @@ class SdoWatcher(Watcher):
             elif line.address and line.address != address and time - line.asked < RESTLESS:
                 line.before = line.asked, line.address, line.object, line.seen
             line.owed += 1
-        line.asked, line.seen = time, Occurrences.once(self.bus.at())
+        line.asked = time
+        line.seen = Occurrences.once(self.bus.at())
         if address:
             line.object, line.address = words, address
 
@@ -185,37 +190,42 @@ class SdoWatcher(Watcher):
         self._found(BusRule.TWO_CLIENTS, node, text, seen=both)
 
     def _is_own(self, node: ObservedNode, *addresses: Address | None) -> bool:
-        """Return whether this program itself has asked a node for one of these objects."""
+        """Return whether this program itself asked a node for one of these objects."""
         return any((node.node_id, each) == self.bus.own_question for each in addresses)
 
     def _is_hasty(self, asked: float) -> bool:
-        """Return whether no client would have given up waiting by now; a log without times does not tell."""
+        """Return whether a client cannot have timed out yet; False in a log without times."""
         return 0 < self.bus.now - asked < IMPATIENT
 
     def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
-        needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
-        address, named = Initiate.of(data).address, data[0] >> 5 in NAMING
+        needs_request = data[0] >> 5 < ServerCommand.ABORT  # aborts and block segments do not
+        address = Initiate.of(data).address
+        named = data[0] >> 5 in NAMING
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
             self._unasked(time, line, node, address if named else None, data)
-        if line.before and line.before[1] == address:  # the first question was not given up
+        if line.before and line.before[1] == address:  # the first request was not abandoned
             since, _, object_, seen = line.before
             line.is_shared = True
             self._two_clients(node, object_, line.object, (line.asked or time) - since, seen)
-            line.before, line.owed = None, max(line.owed - 1, 0)
+            line.before = None
+            line.owed = max(line.owed - 1, 0)
             return
         if line.asked is not None:
-            line.asked, line.answered = None, (time, address, data)
+            line.asked = None
+            line.answered = (time, address, data)
 
     def _unasked(self, time: float, line: SdoLine, node: ObservedNode, address: Address | None, data: bytes) -> None:
         words = label(address) if address else "a segment"
         if line.owed:
             line.owed -= 1
             if line.is_shared and self.bus.own_question and self.bus.own_question[0] == node.node_id:
-                return  # another client has begun before our question was answered
-            text, cause = f"answers late: {words}", "the node answered after its client had given up"
+                return  # another client started before our request was answered
+            text = f"answers late: {words}"
+            cause = "the node answered after its client had given up"
             self._found(BusRule.SDO_UNASKED, node, text, cause)
         elif line.answered and self._is_second(line, line.answered, time, address, data):
-            one, two = line.answered[2][4:].hex(" "), data[4:].hex(" ")
+            one = line.answered[2][4:].hex(" ")
+            two = data[4:].hex(" ")
             text = f"node-ID {node.node_id} is used twice: two answers to one request for {label(address)}"
             self.bus.found(BusRule.TWO_NODES, node.name, f"{text}, {one} and {two}", "answers")
         else:
@@ -225,7 +235,7 @@ class SdoWatcher(Watcher):
     def _is_second(
         line: SdoLine, first: tuple[float, Address, bytes], time: float, address: Address | None, data: bytes
     ) -> bool:
-        """Return whether an answer is another node's to the request that is answered; two clients explain it, too."""
+        """Return whether an answer is a second node's to one request; two clients would also explain it."""
         since, answered, before = first
         is_same = answered == address and before[0] >> 5 == data[0] >> 5
         return is_same and time - since < TWICE and not line.is_shared
@@ -233,7 +243,7 @@ class SdoWatcher(Watcher):
     def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
         way = "read" if ended.is_upload else "write"
         if (ended.aborted is not None or not ended.is_whole) and self._is_own(node, ended.address):
-            return  # what comes of it is said with the incident
+            return  # reported with the incident
         if ended.aborted is not None:
             if ended.aborted == AbortCode.TIMEOUT and not is_refused and asked:
                 self._unanswered(node, f"the {way} of {ended.object}", asked)
@@ -253,8 +263,10 @@ class SdoWatcher(Watcher):
                 self._written(node, ended.address, ended.content)
 
     def _differs(self, node: ObservedNode, file: Dictionary, address: Address, content: bytes) -> None:
-        """Compare what a device says that it is with its file."""
-        said, wanted, mask = int.from_bytes(content, "little"), file.number(address), IDENTIFIES[address]
+        """Compare the reported identity of a device with its file."""
+        said = int.from_bytes(content, "little")
+        wanted = file.number(address)
+        mask = IDENTIFIES[address]
         if address == SERIAL and not file.has_own_value(address):
             return  # an EDS is for all devices of a kind
         if wanted and (said ^ wanted) & mask:
@@ -263,7 +275,7 @@ class SdoWatcher(Watcher):
             self.bus.found(BusRule.OTHER_DEVICE, node.name, text, address)
 
     def _identity(self, node: ObservedNode, address: Address, content: bytes) -> None:
-        """Compare an answer about an identity with the one before, if the node has not started between."""
+        """Compare an identity with the previous answer, unless the node booted in between."""
         boots, before = self._identities.get((node.node_id, address), (node.boots, content))
         if boots == node.boots and before != content:
             texts = (f"0x{int.from_bytes(each, 'little'):08X}" for each in (before, content))
@@ -316,7 +328,7 @@ class SdoWatcher(Watcher):
         self.bus.found(rule, node.name, text, (ended.object, ended.is_upload, ended.aborted), cause=cause)
 
     def damaged(self, meaning: Meaning) -> None:
-        """Take in a frame that shows that a transfer is not whole."""
+        """Process a frame that shows an incomplete transfer."""
         ended = meaning.transfer
         if ended and ended.is_whole and ended.address is None:
             return  # the log begins in the middle
@@ -327,11 +339,12 @@ class SdoWatcher(Watcher):
         self.bus.found(rule, meaning.nodes[0], text.partition(": ")[2])
 
     def _is_interrupted(self, meaning: Meaning) -> bool:
-        """Return whether a second client has begun a transfer in the middle of one, and report it."""
+        """Return whether a second client started a transfer amid another one, and report it."""
         end = meaning.service.end if isinstance(meaning.service, CanopenService) else None
         if end is None or end.is_answer or not isinstance(meaning.raw, Frame) or meaning.transfer is None:
             return False
-        line, command = self._lines.get(end.channel), end.command(meaning.raw.data)
+        line = self._lines.get(end.channel)
+        command = end.command(meaning.raw.data)
         is_new = command is not None and command.names_object and line is not None
         if (
             not is_new
@@ -352,14 +365,15 @@ class SdoWatcher(Watcher):
         node.is_configured = True
         wanted = self._own.get(node.node_id, {}).get(address)
         pdo = values.pdo_of(address[0])
-        if wanted is None or content == wanted or pdo is not None:  # of a PDO the value counts that it has at the start
+        if wanted is None or content == wanted or pdo is not None:  # for a PDO, only the value at the start counts
             return
         text = f"{object_words(node.dictionary, address)} is set to {content.hex(' ')}; its file has {wanted.hex(' ')}"
         self.bus.found(BusRule.CONFIGURED_OTHERWISE, node.name, text, address)
 
     def _start(self, node_id: int) -> None:
-        """Compare what a master has written to the nodes that it starts with their files; 0 for all."""
-        for node in list(self.bus.nodes.values()) if node_id == values.ALL_NODES else [self.bus.node(node_id)]:
+        """Compare the values written to the started nodes with their files; node-ID 0 means all."""
+        nodes = list(self.bus.nodes.values()) if node_id == values.ALL_NODES else [self.bus.node(node_id)]
+        for node in nodes:
             if not (node.booted and node.is_configured):
                 continue
             own = self._own.get(node.node_id, {})
@@ -369,7 +383,7 @@ class SdoWatcher(Watcher):
                 more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
                 text = f"is started without {amount(len(left), 'value')} of its file: {named}{more}"
                 self.bus.found(BusRule.NOT_CONFIGURED, node.name, text)
-            node.booted = False  # said once for each boot-up
+            node.booted = False  # reported once per boot-up
 
     def end(self, time: float) -> None:
         if self._is_one_way():
@@ -394,7 +408,7 @@ class SdoWatcher(Watcher):
             self._questions(object_, nodes)
 
     def _is_one_way(self) -> bool:
-        """Report that a log has only one direction, if it shows that; requests to nobody alone do not."""
+        """Return whether a log has only one direction, and report it; unanswered requests alone do not count."""
         shows = [each for each in self._held.values() if each.rule is not BusRule.SDO_UNANSWERED]
         if len(self._ways) == 1 and shows:
             self.bus.found(BusRule.ONE_DIRECTION, "", ONE_WAY[True in self._ways], seen=shows[0].seen)
@@ -402,7 +416,7 @@ class SdoWatcher(Watcher):
         return False
 
     def _questions(self, object_: str, nodes: Mapping[int, tuple[str, str, Occurrences]]) -> None:
-        """Report who did not answer: a scan, or nodes one by one."""
+        """Report nodes that did not answer: as a scan, or one by one."""
         if len(nodes) < SCAN:
             for node_id, (text, cause, seen) in nodes.items():
                 self.bus.found(BusRule.SDO_UNANSWERED, self.bus.node(node_id).name, text, cause=cause, seen=seen)
@@ -415,7 +429,7 @@ class SdoWatcher(Watcher):
 
 
 def _own_values(dictionary: Dictionary) -> dict[Address, bytes]:
-    """Return the values that a DCF gives a device besides those that all of its kind have, as an SDO carries them."""
+    """Return the values of a DCF that differ from the defaults, as an SDO carries them."""
     found = {}
     for address in dictionary.addresses():
         variable = dictionary.variable(address)
@@ -427,7 +441,7 @@ def _own_values(dictionary: Dictionary) -> dict[Address, bytes]:
 
 
 def _by_file(dictionary: Dictionary, address: Address, code: int) -> str:
-    """Say what a device's file has for an object that it refuses."""
+    """Return the entry of a refused object in the device's file, as text."""
     variable = dictionary.variable(address)
     if code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
         return f"{dictionary.file.name} {'does not have it either' if variable is None else 'has it: another version?'}"

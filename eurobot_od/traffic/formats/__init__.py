@@ -1,4 +1,4 @@
-"""The log formats, recognised by a log's first bytes or else by its suffix; gzip is unpacked on the way.
+"""Log formats, recognised by a log's first bytes or else its suffix; gzip is unpacked.
 
 A log is opened once, read forwards, and never held in memory.
 """
@@ -22,7 +22,7 @@ STANDARD_INPUT = CANDUMP = "log"
 
 
 class LogFormat(NamedTuple):
-    """A format: a module of this package, in it a LineFormat or a function, and the first bytes that identify a log.
+    """A format: its module in this package, its reader there, and the first bytes that identify it.
 
     Blank lines and comments may stand before those of text. One `by_name` is not read from front to back.
     """
@@ -43,7 +43,7 @@ _COLUMNS = (
     rb"(?i:(?=[^\n]*(?:\b|_)(?:(?:can|frame)[ _]?id|id|identifier|addr|address|cob[ _-]?id)\b)"
     rb"(?=[^\n]*(?:\b(?:data|payload|[db][01]|byte ?[01a])|bytes\b))[^\n]*[,;\t][^\n]*\n)"
 )
-"""Patterns that do not fit into a row: a log may also begin in its middle, as people paste a part of it."""
+"""Patterns of first lines; a pasted log may begin in the middle."""
 
 FORMATS: Mapping[str, LogFormat] = {
     CANDUMP: LogFormat("lines", "CandumpFormat", rb"\(\d+\.\d+\) \S+ +[0-9A-Fa-f]+#"),
@@ -69,14 +69,14 @@ FORMATS: Mapping[str, LogFormat] = {
     "pcap": LogFormat("binary", "read_pcap", _PCAP, is_text=False),
     "pcapng": LogFormat("binary", "read_pcapng", rb"\n\r\r\n", is_text=False),
 }
-"""Formats by suffix, or by a name for what has no suffix of its own; the first that fits is a log's."""
+"""Formats by suffix, or by a name without one; the first match is used."""
 
 BY_NAME = tuple(suffix for suffix, each in FORMATS.items() if each.by_name)
-"""Formats that are not read from front to back."""
+"""Formats that need a file, as they are not read from front to back."""
 
 
 def _content_pattern() -> re.Pattern[bytes]:
-    """Return what the first bytes of a log are matched with; a group for each format."""
+    """Return the pattern for the first bytes of a log, with a group for each format."""
 
     def beginning(suffix: str, each: LogFormat) -> bytes:
         return b"(?P<%b>%b)" % (suffix.encode(), each.beginning)
@@ -98,39 +98,40 @@ LIKELY = (
     (rb"MDF {5}", "it is MF4 with measured values alone: record the frames of the bus, too"),
     (rb".*(?i:canalyser)", "it looks like IXXAT's canAnalyser: export it as ASC or CSV from there"),
 )
-"""How logs begin that are of formats not read here."""
+"""Beginnings of logs in unsupported formats, with advice."""
 
 OTHERS = (
     f"--format names its format ({', '.join(FORMATS)}); any other program's frames are read as CSV "
     "whose first line names the columns: time, id, data"
 )
-"""What helps with any other."""
+"""Advice for other unsupported formats."""
 
 PACKED = b"\x1f\x8b"
 """First bytes of a gzip file (RFC 1952)."""
 
 BEGINNING = 1024
-"""Number of first bytes that are looked at."""
+"""Number of first bytes that are examined."""
 
 STRANGE = re.compile(rb"^(?![ \t]*(?:#|\r?$))[^\n]*\n", re.MULTILINE)
-"""A line that is no comment, and not blank."""
+"""A line that is neither a comment nor blank."""
 
 MOST_STRANGE = 3
-"""Most lines before the first frame that may be anything: a paste often begins with the command that was typed."""
+"""Maximum number of other lines before the first frame, as a paste often begins with the typed command."""
 
 
 MANY = 1 << 11
-"""Entries of a batch, where a format has no lines."""
+"""Number of entries in a batch of a format without lines."""
 
 
 def batches(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Iterator[Batch]:
-    """Yield the entries of an open log in batches; what a line or record has beyond `largest` bytes is not read.
+    """Yield the entries of an open log in batches; lines and records are cut at `largest` bytes.
 
     `form` is the suffix of its format; left out, the first bytes decide, or else the name. What a pipe has is yielded
     before more is waited for. Raises UnknownName for a `form` that is not one, LocalError for a name that says none,
     for a pipe where only a file will do, and, at its end, for a log that has entries of which none can be read.
     """
-    words, found = likely(_beginning(file)), _batches(file, form, largest)
+    words = likely(_beginning(file))
+    found = _batches(file, form, largest)
     return _read_at_all(found, words, getattr(file, "name", None))
 
 
@@ -140,15 +141,16 @@ def entries(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> 
 
 
 def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
-    """Yield the entries of a log as `entries` does, also of one of which nothing can be read."""
+    """Yield the entries of a log as `entries` does, even if none can be read."""
     return chain.from_iterable(map(Batch.entries, _batches(file, form, largest)))
 
 
 def _batches(file: BinaryIO, form: str | None, largest: int) -> Iterator[Batch]:
-    name, (content, beginning) = getattr(file, "name", None), _content(file)
+    name = getattr(file, "name", None)
+    (content, beginning) = _content(file)
     most = MANY if file.seekable() else 1
     found = _reader(form or _said_by(beginning, name), name, most)(content, largest)
-    # A generator apart: this function is to complain of a format now, not when the first entry is asked for.
+    # A separate generator, so that this function raises its errors at once.
     return found if content is file else _until_it_breaks(found)
 
 
@@ -167,23 +169,23 @@ def _read_at_all(found: Iterator[Batch], words: str, name: object) -> Iterator[B
 
 
 def likely(beginning: bytes) -> str:
-    """Say what a log that cannot be read is likely to be, and what helps."""
+    """Return advice for a log that cannot be read."""
     return next((words for start, words in LIKELY if re.match(start, beginning)), OTHERS)
 
 
 def form_of(file: BinaryIO, form: str | None = None) -> str:
-    """Return the suffix of the format of a log that can be rewound, packed or not; errors as `read`."""
+    """Return the suffix of a log's format; the log must be seekable. Errors as `read`."""
     content, beginning = _content(file)
     if content is not file:
         file.seek(0)  # it has been read from
     name = getattr(file, "name", None)
     suffix = form or _said_by(beginning, name)
-    _reader(suffix, name)  # complains
+    _reader(suffix, name)  # raises for an unsuitable format
     return suffix
 
 
 def _content(file: BinaryIO) -> tuple[BinaryIO, bytes]:
-    """Return a log's content, unpacked if it is packed, and its first bytes, none if they cannot be unpacked."""
+    """Return a log's unpacked content and its first bytes, none if they cannot be unpacked."""
     beginning = _beginning(file)
     if not beginning.startswith(PACKED):
         return file, beginning
@@ -197,13 +199,13 @@ def _content(file: BinaryIO) -> tuple[BinaryIO, bytes]:
 
 
 def _beginning(file: BinaryIO) -> bytes:
-    """Return the first bytes of a log without taking them away; none if it cannot be peeked at."""
+    """Return the first bytes of a log without consuming them; none if it cannot be peeked at."""
     peek: Callable[[int], bytes] | None = getattr(file, "peek", None)
     return peek(BEGINNING) if peek else b""
 
 
 def _said_by(beginning: bytes, name: object) -> str:
-    """Return the suffix of a format, or what stands for one in the name of a file.
+    """Return the suffix of a format by the first bytes, or else the file's name.
 
     Standard input and other files without a name are read as candump's. Raises LocalError for a name without one.
     """
@@ -216,13 +218,13 @@ def _said_by(beginning: bytes, name: object) -> str:
     suffixes = PurePath(name.lower()).suffixes
     # For `match.asc.gz` it is `asc`; `match.gz` says nothing about its content.
     suffix = "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
-    if suffix not in FORMATS:  # the file has this name, it is not a slip: no format is meant by it
+    if suffix not in FORMATS:  # a file name, so that similar format names are no help
         raise LocalError(f"{name}: not a known log; {likely(beginning)}")
     return suffix
 
 
 def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, int], Iterator[Batch]]:
-    """Return the function that reads a format; of one without lines in batches of at most `most` entries."""
+    """Return the reader of a format; without lines, in batches of at most `most` entries."""
     form = look_up("log format", suffix, FORMATS)
     if form.by_name and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
@@ -233,7 +235,7 @@ def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, 
 
 
 def _until_it_breaks(found: Iterator[Batch]) -> Iterator[Batch]:
-    """Read a packed log; if it cannot be unpacked to its end, the last entry says so."""
+    """Yield the batches of a packed log; an unpacking error becomes the last entry."""
     import gzip
     import zlib
 

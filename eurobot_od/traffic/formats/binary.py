@@ -1,4 +1,4 @@
-"""Logs that consist of records: Vector's BLF, and pcap and pcapng of a SocketCAN interface.
+"""Logs of records: Vector's BLF, and pcap and pcapng of a SocketCAN interface.
 
 BLF has objects in containers, most of them compressed. Only frames are looked into; every other object is stepped over
 by its size. The layouts are those that python-can reads and writes (after Toby Lorenz' Vector BLF library; Vector
@@ -38,7 +38,7 @@ FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME}  # CAN_ERROR, CA
 
 
 class FdLayout(NamedTuple):
-    """An object of hardware for CAN FD: fields, places of DLC, identifier, flags, length; flags of FD and remote."""
+    """A CAN FD hardware object: its fields, the places of DLC, identifier, flags and length, and two flags."""
 
     fields: Struct
     places: tuple[int, int, int, int]
@@ -52,28 +52,29 @@ FD_HARDWARE = {
 }
 FRAME_TYPES = {*CLASSIC_TYPES, *FOREIGN_TYPES, *FD_HARDWARE}
 CHANNEL = [str(number - 1) for number in range(256)]
-"""Channels as python-can counts them, from 0, by their number in the file."""
+"""Channels numbered from 0, as in python-can, by their number in the file."""
 
 NOT_COMPRESSED, DEFLATE = 0, 2
-REMOTE_FLAG, EXTENDED_FLAG = 0x80, 1 << 31
+REMOTE_FLAG = 0x80
+EXTENDED_FLAG = 1 << 31
 TICKS = {1: 1e-5}
 NANOSECOND = 1e-9
 
 PIECE = 1 << 17
-"""Bytes of a container that are unpacked at once, as many as most containers have."""
+"""Number of bytes unpacked at once, the size of most containers."""
 
 BlfObject: TypeAlias = tuple[int, float, bytes]
-"""An object: its type, its time in s, and what comes after its header."""
+"""An object: its type, its time in s, and its body."""
 
 
 def read_blf(file: BinaryIO, largest: int) -> Entries:
-    """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
+    """Read a BLF file; the last entry reports a file that is cut off or not BLF."""
     frames = (each for each in _objects(file, largest) if each[0] in FRAME_TYPES)
     return entries.read_each(frames, _entry, entries.ends_within("an object", zlib.error))
 
 
 def _start(file: BinaryIO) -> float:
-    """Read the file header; return the start time in s since 1970, 0 if there is none."""
+    """Read the file header; return the start time in s since 1970, 0 without one."""
     head = file.read(FILE_HEADER.size)
     signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(head)
     if signature != FILE_SIGNATURE:
@@ -83,12 +84,12 @@ def _start(file: BinaryIO) -> float:
     file.read(size - FILE_HEADER.size)
     try:
         return datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC).timestamp()
-    except ValueError:  # all zero: the times in the file count from nothing in particular
+    except ValueError:  # all zero, without a start time
         return 0.0
 
 
 def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
-    """Yield what the containers hold, piece by piece.
+    """Yield the contents of the containers, piece by piece.
 
     Of a container that is cut off the available part is yielded; then EOFError is raised.
     """
@@ -103,7 +104,7 @@ def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
             yield head + body
         if len(body) < size - OBJECT.size:
             raise EOFError
-        file.read(size % 4)  # the padding is as long as this, and not what would fill up a multiple of 4
+        file.read(size % 4)  # the padding has this length, and does not fill up a multiple of 4
 
 
 def _sane(size: int, largest: int) -> int:
@@ -113,7 +114,7 @@ def _sane(size: int, largest: int) -> int:
 
 
 def _unpacked(body: bytes) -> Iterator[bytes]:
-    """Yield a container's content in pieces: a few bytes may stand for gigabytes."""
+    """Yield a container's content in pieces, as a few bytes may unpack to gigabytes."""
     compression, _ = CONTAINER.unpack_from(body)
     content = body[CONTAINER.size :]
     if compression == NOT_COMPRESSED:
@@ -129,17 +130,19 @@ def _unpacked(body: bytes) -> Iterator[bytes]:
 
 def _objects(file: BinaryIO, largest: int) -> Iterator[BlfObject]:
     """Yield the objects in the containers; an object may start in one container and end in the next."""
-    start, left = _start(file), b""
+    start = _start(file)
+    left = b""
     for content in _containers(file, largest):
-        data, position = left + content, 0
-        # How much padding comes before an object depends on the writer: its signature is looked for.
+        data = left + content
+        position = 0
+        # Searched for, as the padding before an object depends on the writer.
         while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
             _, header, _, size, kind = OBJECT.unpack_from(data, found)
             end = found + _sane(size, largest)
             if end > len(data):
                 break
             ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
-            # The header is longer in later versions; what is needed of it is the same in all.
+            # Later versions have a longer header with the same beginning.
             yield kind, start + time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
             position = end
         left = data[position:]
@@ -162,12 +165,13 @@ def _entry(found: BlfObject) -> tuple[float, str, Raw]:
 
 
 def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
-    """Read what hardware for CAN FD has recorded: its flags tell whether the frame is a classic one."""
+    """Read an object of CAN FD hardware, whose flags tell whether the frame is classic."""
     fields = layout.fields.unpack_from(body)
     dlc, identifier, flags, count = (fields[place] for place in layout.places)
-    # A file may have fewer bytes than were sent: those that are left out are 0, as its maker's programs read it.
+    # Omitted data bytes are 0, as the maker's programs read them.
     data = body[layout.fields.size :][:count].ljust(count, b"\0")
-    is_fd, number = flags & layout.is_fd, identifier & ~EXTENDED_FLAG
+    is_fd = flags & layout.is_fd
+    number = identifier & ~EXTENDED_FLAG
     is_remote = (fields[1] & REMOTE_FLAG) if layout.remote is None else flags & layout.remote
     length = dlc if is_remote else len(data)
     return entries.recorded(number, data, length, identifier & EXTENDED_FLAG, is_remote, is_fd=is_fd)
@@ -178,20 +182,23 @@ def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
 
 
 SOCKETCAN = 227
-"""The link type; its packets are an identifier with flags, length, FD flags, two bytes, and the data."""
+"""Link type whose packets are an identifier with flags, length, FD flags, two bytes, and the data."""
 
 PACKET = Struct(">LBBxx")  # the identifier is big-endian, whatever the byte order of the file
-ERROR, REMOTE, EXTENDED, FD = 1 << 29, 1 << 30, 1 << 31, 0x04
+ERROR = 1 << 29
+REMOTE = 1 << 30
+EXTENDED = 1 << 31
+FD = 0x04
 IDENTIFIER = (1 << 29) - 1
 CLASSIC_PACKET = 16
-"""Most bytes of a packet with a classic frame: not every Linux sets the flag of FD frames, which have 72."""
+"""Maximum size of a packet with a classic frame, in bytes; FD frames have 72, and not always their flag."""
 
 ORDERS = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
           b"\x4d\x3c\xb2\xa1": ("<", 1e-9), b"\xa1\xb2\x3c\x4d": (">", 1e-9)}  # fmt: skip
-"""First bytes of a pcap file: its byte order, and the unit of fractions of a second."""
+"""Byte order and unit of fractions of a second, by the first bytes of a pcap file."""
 
 SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6
-"""Types of pcapng's blocks; all others are skipped."""
+"""Block types of pcapng; others are skipped."""
 
 BYTE_ORDER_MARK = b"\x4d\x3c\x2b\x1a"
 """The byte order mark of a little-endian section."""
@@ -206,7 +213,7 @@ Packet: TypeAlias = tuple[float, str, bytes]
 
 
 def _captured(packet: Packet) -> tuple[float, str, Raw]:
-    """Return the frame in a packet, or why it has none; raises ValueError for one that contradicts itself."""
+    """Return the frame in a packet, or the reason for none; raises ValueError for an inconsistent one."""
     time, channel, content = packet
     if len(content) < PACKET.size:
         raise ValueError(f"a packet of {len(content)} bytes; it has at least {PACKET.size}")
@@ -219,7 +226,7 @@ def _captured(packet: Packet) -> tuple[float, str, Raw]:
 
 
 class Interface(NamedTuple):
-    """What a pcapng file says about an interface; a tick of its times is `tick` seconds."""
+    """An interface in a pcapng file; the unit of its times is `tick`, in s."""
 
     link_type: int
     name: str
@@ -227,17 +234,17 @@ class Interface(NamedTuple):
 
 
 def read_pcap(file: BinaryIO, largest: int) -> Entries:
-    """Read a pcap file; if it is not one, or is cut off, its last entry says so."""
+    """Read a pcap file; the last entry reports a file that is cut off or not pcap."""
     return entries.read_each(_pcap_packets(file, largest), _captured, entries.ends_within("a packet"))
 
 
 def read_pcapng(file: BinaryIO, largest: int) -> Entries:
-    """Read a pcapng file; as `read_pcap`."""
+    """Read a pcapng file, as `read_pcap`."""
     return entries.read_each(_pcapng_packets(file, largest), _captured, entries.ends_within("a packet"))
 
 
 def _taken(file: BinaryIO, size: int, largest: int) -> bytes:
-    """Read a part of a file; raises ValueError for one that is too large, EOFError for one that is not there."""
+    """Read a part of a file; raises ValueError if it is too large, EOFError if it is missing."""
     if not 0 <= size <= largest:
         raise ValueError(f"a packet of {size} bytes; at most {largest} are read")
     data = file.read(size)
@@ -268,14 +275,16 @@ def _pcap_packets(file: BinaryIO, largest: int) -> Iterator[Packet]:
 
 
 def _pcapng_packets(file: BinaryIO, largest: int) -> Iterator[Packet]:
-    order, interfaces = "<", list[Interface]()
+    order = "<"
+    interfaces = list[Interface]()
     for kind, section_order, body in _blocks(file, largest):
         if kind == SECTION:  # each section counts its interfaces from 0, in its own byte order
-            order, interfaces = section_order, []
+            order = section_order
+            interfaces = []
         elif kind == INTERFACE:
             interfaces.append(_interface(order, body))
         elif kind in (SIMPLE, ENHANCED):
-            # A simple one says neither its time nor its interface, which has to be the section's first.
+            # A simple packet has no time, and belongs to the section's first interface.
             head = Struct(f"{order}LLLL4x" if kind == ENHANCED else "4x")
             number, high, low, size = head.unpack_from(body) or (0, 0, 0, len(body))
             if number >= len(interfaces):
@@ -288,12 +297,12 @@ def _pcapng_packets(file: BinaryIO, largest: int) -> Iterator[Packet]:
 
 
 def _blocks(file: BinaryIO, largest: int) -> Iterator[tuple[int, str, bytes]]:
-    """Yield the blocks: type, byte order, and what stands between the two lengths."""
+    """Yield the blocks: type, byte order, and body."""
     order = ""
     while head := file.read(8):
         kind = Struct(f"{order or '<'}L").unpack_from(head)[0]
         mark = b""
-        if kind == SECTION:  # its length can be read only when the mark behind it has told the byte order
+        if kind == SECTION:  # the mark after its length gives the byte order
             mark = _taken(file, 4, largest)
             order = "<" if mark == BYTE_ORDER_MARK else ">"
             if mark not in (BYTE_ORDER_MARK, BYTE_ORDER_MARK[::-1]):
@@ -302,12 +311,14 @@ def _blocks(file: BinaryIO, largest: int) -> Iterator[tuple[int, str, bytes]]:
             raise ValueError("not a pcapng file")
         size = Struct(f"{order}4xL").unpack(head)[0]
         body = _taken(file, size - 12 - len(mark), largest)
-        _taken(file, 4, largest)  # the length again, for those who read backwards
+        _taken(file, 4, largest)  # the length again, for reading backwards
         yield kind, order, body
 
 
 def _interface(order: str, body: bytes) -> Interface:
-    head, options, rest = Struct(f"{order}HH"), dict[int, bytes](), body[8:]
+    head = Struct(f"{order}HH")
+    options = dict[int, bytes]()
+    rest = body[8:]
     while len(rest) >= head.size:
         code, size = head.unpack_from(rest)
         if code == 0:

@@ -25,26 +25,26 @@ if TYPE_CHECKING:
 
 
 class LineFormat:
-    """A format of lines; `entry` and `comment` raise one of `entries.BAD` for what they cannot read.
+    """A format of lines; `entry` and `comment` raise one of `entries.BAD` for unreadable lines.
 
     A format with a header keeps what it says; an instance is used for one log.
     """
 
     def comment(self, line: bytes) -> bool:
-        """Return whether a line that is not an entry belongs to the format all the same; read a header from it."""
+        """Return whether a line without an entry belongs to the format, and process a header."""
         return line.strip()[:1] in (b"", b"#")
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        """Return time in s, channel, and what stands there."""
+        """Return time in s, channel and content of a line."""
         raise NotImplementedError
 
     def parts(self, piece: bytes) -> Iterator[Batch | bytes]:
-        """Yield whole lines in their order: batches of those that are read at once, counted from 1, and all others."""
+        """Yield lines in order: batches of those that can be read together, counted from 1, and the others."""
         yield piece
 
 
 PIECE = 1 << 16
-"""Bytes of a log that are read at once, if they are there: some thousand lines."""
+"""Maximum number of bytes read at once, some thousand lines."""
 
 
 class LogPlace(NamedTuple):
@@ -66,7 +66,7 @@ class LogPlace(NamedTuple):
 
 
 def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Iterator[Batch]:
-    """Read a log of lines, those that are there at once; what cannot be read is Foreign, with the time before it.
+    """Read a log of lines in batches as they arrive; unreadable lines are Foreign, with the time before them.
 
     Of a line longer than `largest` bytes the start is kept and the rest skipped.
     """
@@ -74,7 +74,7 @@ def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Iterator[Batch
 
 
 def placed_lines(file: BinaryIO, start: LogPlace, largest: int) -> Iterator[tuple[LogPlace, Batch]]:
-    """Read as `read_lines` from a place on, to which the file has been brought; yield each batch with its place."""
+    """Read as `read_lines` from the place where the file stands; yield each batch with its place."""
     before, time, form = start.line, start.time, copy(start.form)
     for offset, piece in _pieces(file, largest, start.offset):
         place, batches = LogPlace(offset, before, time, copy(form)), list[Batch]()
@@ -93,7 +93,7 @@ def placed_lines(file: BinaryIO, start: LogPlace, largest: int) -> Iterator[tupl
 
 
 def _pieces(file: BinaryIO, largest: int, start: int) -> Iterator[tuple[int, bytes]]:
-    """Yield whole lines as soon as they are there, at last what stands behind the last line end; with their offsets."""
+    """Yield complete lines as they arrive, then the unterminated rest, each with its offset."""
     source, left = cast("BufferedReader", file), b""
     read = begun = start
     while block := source.read1(PIECE):
@@ -112,25 +112,25 @@ def _pieces(file: BinaryIO, largest: int, start: int) -> Iterator[tuple[int, byt
 
 
 def _shortened(lines: bytes, largest: int) -> bytes:
-    """Take off what is too much of lines that are too long."""
+    """Cut lines that are too long."""
     if len(lines) <= largest:
         return lines
     return b"".join(each[:largest] + b"\n" for each in lines[:-1].split(b"\n"))
 
 
 def _entries(piece: bytes, form: LineFormat, before: int, time: float) -> Entries:
-    """Read lines one by one; there are so many lines before them, and so late it is."""
+    """Read lines one by one; `before` is the number of lines before them, `time` the last time."""
     lines = piece.split(b"\n")
     ends = [b"\n"] * (len(lines) - 1) + [b""]
     for number, (line, end) in enumerate(zip(lines, ends), before + 1):
         try:
             time, channel, raw = form.entry(line)
         except entries.BAD:
-            # Asked only now: nearly every line is an entry.
+            # Only now, as nearly every line is an entry.
             with suppress(*entries.BAD):
                 if form.comment(line):
                     continue
-            # Only the last line may have no line end: then the log was cut off there.
+            # Only the last line may have no line end, if the log was cut off.
             yield number, time, "", Foreign(Damage.UNREADABLE if end else Damage.CUT_OFF, entries.shortened(line))
         else:
             yield number, time, channel, raw
@@ -143,16 +143,16 @@ def matched(found: re.Match[bytes] | None) -> re.Match[bytes]:
     return found
 
 
-# candump, `(1396.123456) can0 008#D27423592C01C3A5`, as can-utils and python-can write it, and nothing more lenient
+# candump, `(1396.123456) can0 008#D27423592C01C3A5`, strictly as can-utils and python-can write it
 
 
 OPENING, CLOSING = b"()"
-"""The brackets around a time."""
+"""Brackets around a time."""
 
 CANDUMP_EXTENDED = 8
 
 CANDUMP_DIRECTIONS = (b"R", b"T")
-"""Received or sent. Any other word belongs to a next entry: the line end between them is lost."""
+"""Received or sent; any other word belongs to another entry after a lost line end."""
 
 COB_ID = re.compile(rb"([0-7][0-9A-F]{2})#", re.IGNORECASE)
 
@@ -160,25 +160,26 @@ CANDUMP_OTHER = re.compile(
     rb"(?P<identifier>[0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(?:R(?P<length>[0-9A-F]?)|(?P<data>(?:[0-9A-F]{2}){0,8}))(?:_[9A-F])?",
     re.IGNORECASE,
 )
-"""Frames that are remote, have 29-bit identifiers, which are written with eight digits, or a DLC above 8 (-8)."""
+"""Remote frames, frames with 29-bit identifiers (eight digits), or with a DLC above 8 (option -8)."""
 
 CANDUMP_FOREIGN = (
     (Damage.ERROR_FRAME, rb"[2367ABEF][0-9A-F]{7}#([0-9A-F]{2})*"),
     (Damage.FD, rb"([0-9A-F]{3}|[0-9A-F]{8})##[0-9A-F]([0-9A-F]{2}){0,64}"),
 )
-"""What is not a classic frame, the first that fits; an error frame has bit 29 of its identifier set."""
+"""Patterns of other entries, in order; an error frame has bit 29 of its identifier set."""
 
 
 USUAL = re.compile(
     rb"(?:\((?!0[0-9])[0-7]?[0-9]{1,9}+\.[0-9]{6}\) [!-\"$-'*-~]++ [0-7][0-9A-Fa-f]{2}#[0-9A-Fa-f]{0,16}+\n)*+"
 )
-"""Lines with classic base data frames whose times are as we write them: a float of these has six decimals exactly."""
+"""Lines with classic base data frames, and times of six decimals that a float keeps exactly."""
 
-BLANKS, BRACKETS = bytes.maketrans(b"#\n", b"  "), b"()"
-"""What stands between the columns of usual lines, and what around one."""
+BLANKS = bytes.maketrans(b"#\n", b"  ")
+BRACKETS = b"()"
+"""Separators of the columns of usual lines, and brackets to drop."""
 
 ENDS = {b" R\n": False, b" T\n": False, b"\r\n": True}
-"""What may stand in place of a plain line end, and whether a line with nothing else is an empty one."""
+"""Alternative line ends, and whether a line with nothing else is empty."""
 
 
 class CandumpFormat(LineFormat):
@@ -206,7 +207,8 @@ class CandumpFormat(LineFormat):
         if not 0 <= time < entries.LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING:
             raise ValueError(line)
         try:
-            cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])
+            cob_id = _cob_id(rest[:4])
+            data = a2b_hex(rest[4:])
         except ValueError:
             return time, channel.decode(), _other_candump(rest)
         if len(data) > MOST_BYTES:
@@ -218,7 +220,7 @@ class CandumpFormat(LineFormat):
 def _usual(lines: bytes) -> Batch | bytes:
     """Return the columns of usual lines; the lines themselves if some have half a byte."""
     words = lines.translate(BLANKS, BRACKETS).decode().split(" ")
-    stamps = words[0:-1:4]  # behind the last line end is an empty word
+    stamps = words[0:-1:4]  # the last word is empty
     identifiers = list(map(IDENTIFIERS.__getitem__, words[2::4]))
     try:
         data = list(map(a2b_hex, words[3::4]))
@@ -228,7 +230,7 @@ def _usual(lines: bytes) -> Batch | bytes:
 
 
 class _Identifiers(dict[str, int]):
-    """Identifiers by their text; there are few: each is read once."""
+    """Cache of identifiers by their text."""
 
     def __missing__(self, text: str) -> int:
         self[text] = number = int(text, 16)
@@ -239,7 +241,7 @@ IDENTIFIERS = _Identifiers()
 
 
 def _other_candump(rest: bytes) -> Raw:
-    """Read what is not a classic base data frame; raises ValueError."""
+    """Read an entry other than a classic base data frame; raises ValueError."""
     if found := CANDUMP_OTHER.fullmatch(rest):
         remote = None if found["length"] is None else int(found["length"] or b"0", 16)
         data = a2b_hex(found["data"] or b"")
@@ -250,7 +252,7 @@ def _other_candump(rest: bytes) -> Raw:
     raise ValueError(rest)
 
 
-@cache  # int() alone would also read `0_8` and `+08`; there are few identifiers, so that each is checked once
+@cache  # the pattern rejects `0_8` and `+08`, which int() accepts
 def _cob_id(text: bytes) -> int:
     return int(matched(COB_ID.fullmatch(text))[1], 16)
 
@@ -264,13 +266,14 @@ CONSOLE = re.compile(
     rb"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2}\b)*))",
     re.IGNORECASE,
 )
-"""A line; two digits of the length are those of a frame of CAN FD."""
+"""A line; a length of two digits marks a CAN FD frame."""
 
-ERROR_FLAG, FD_DIGITS = 1 << 29, 2
+ERROR_FLAG = 1 << 29
+FD_DIGITS = 2
 
 
 class ConsoleFormat(LineFormat):
-    """Reads what candump shows on a terminal; without times all entries are at 0."""
+    """Reads candump's output on a terminal; without times all entries are at 0."""
 
     def comment(self, line: bytes) -> bool:
         return super().comment(line) or line[:1] == b"\t"  # candump -e explains an error frame in a line of its own
@@ -283,14 +286,15 @@ class ConsoleFormat(LineFormat):
         data = bytes.fromhex((found["data"] or b"").decode())[: length if found["length"] else MOST_BYTES]
         if not found["remote"] and len(data) != min(length, 64 if found["length"] else MOST_BYTES):
             raise ValueError(line)
-        is_error, is_fd = extended and identifier & ERROR_FLAG, len(found["length"] or b"") == FD_DIGITS
+        is_error = extended and identifier & ERROR_FLAG
+        is_fd = len(found["length"] or b"") == FD_DIGITS
         length = length if found["remote"] else len(data)
         raw = entries.recorded(identifier, data, length, extended, found["remote"], is_error, is_fd)
         return time, found["channel"].decode(), raw
 
 
 def _console_time(text: str) -> float:
-    """Return a time in s, or that of a date in local time; the first of -td and -tz is 0."""
+    """Return a time in s, or that of a date in local time."""
     return datetime.fromisoformat(text).timestamp() if "-" in text else entries.seconds(float(text))
 
 
@@ -303,15 +307,20 @@ ASC_HEADER = re.compile(rb"(//|date\s|base\s|(no\s+)?internal\s|begin\s|end\s|pr
 ASC_EVENT = re.compile(
     rb"\d+\.\d+\s+((?:CANFD\s+)?(?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE
 )
-"""A line with a time that is not a frame: a word in place of the channel, or after it."""
+"""A line with a time that is no frame, with a word in place of the channel or after it."""
 
 ASC_DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
-ASC_ERROR_FRAME, ASC_FD, ASC_EXTENDED = b"errorframe", b"CANFD", (b"x", b"X")
-ASC_DATA, ASC_KINDS = b"d", (b"d", b"r", b"R")
+ASC_ERROR_FRAME = b"errorframe"
+ASC_FD = b"CANFD"
+ASC_EXTENDED = (b"x", b"X")
+ASC_DATA = b"d"
+ASC_KINDS = (b"d", b"r", b"R")
 
 
-ASC_BITS, ASC_FD_FLAG, ASC_REMOTE_FLAG = (b"0", b"1"), 0x1000, 0x10
-"""Of hardware for CAN FD: how a bit is written, and flags of a frame."""
+ASC_BITS = (b"0", b"1")
+ASC_FD_FLAG = 0x1000
+ASC_REMOTE_FLAG = 0x10
+"""Of CAN FD hardware: texts of a bit, and flags of a frame."""
 
 
 class AscFormat(LineFormat):
@@ -324,14 +333,15 @@ class AscFormat(LineFormat):
     def comment(self, line: bytes) -> bool:
         text = line.strip()
         if base := BASE.match(text):
-            self._base, self._is_relative = NUMBER[base[1].lower()], text.lower().endswith(b"relative")
+            self._base = NUMBER[base[1].lower()]
+            self._is_relative = text.lower().endswith(b"relative")
         is_event = ASC_EVENT.match(text)
         if is_event:
             self._time(text.split(None, 1)[0])
         return bool(ASC_HEADER.match(text) or is_event)
 
     def _time(self, stamp: bytes) -> float:
-        """Return a time in s since the log's start; a relative one counts from the entry before."""
+        """Return a time in s since the log's start; a relative one counts from the previous entry."""
         time = entries.seconds(stamp)
         if self._is_relative:
             self._before = time = self._before + time
@@ -349,22 +359,24 @@ class AscFormat(LineFormat):
         return self._time(stamp), _asc_channel(channel), made
 
     def _classic(self, identifier: bytes, direction: bytes, kind: bytes, *rest: bytes) -> Raw:
-        extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
+        extended = identifier[-1:] in ASC_EXTENDED
+        number = int(identifier.rstrip(b"xX"), self._base)
         if direction not in ASC_DIRECTIONS or kind not in ASC_KINDS:
             raise ValueError(kind)
         if kind == ASC_DATA:
             return entries.frame(number, self._data(*rest), extended)
-        # CANalyzer leaves the length out; after it may stand how long the frame was, by its name.
+        # CANalyzer omits the length; a longer word there is something else.
         return entries.frame(number, b"", extended, int(rest[0], self._base) if rest and len(rest[0]) < 3 else 0)
 
     def _of_fd_hardware(self, direction: bytes, identifier: bytes, *rest: bytes) -> Raw:
-        """Read a line of hardware for CAN FD, which records classic frames as well; flags tell which it is.
+        """Read a line of CAN FD hardware, whose flags tell whether the frame is classic.
 
         After a message's name, if there is one: bit rate switch, error state, DLC, length, data, duration, bits, flags.
         """
         if direction not in ASC_DIRECTIONS:
             raise ValueError(direction)
-        extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
+        extended = identifier[-1:] in ASC_EXTENDED
+        number = int(identifier.rstrip(b"xX"), self._base)
         _, _, dlc, count, *words = rest if rest[0] in ASC_BITS else rest[1:]
         data = bytes([int(octet, 16) for octet in words[: int(count)]])
         flags = int(words[int(count) + 2], 16)
@@ -384,7 +396,7 @@ class AscFormat(LineFormat):
 
 @cache
 def _asc_channel(channel: bytes) -> str:
-    """Return a channel as python-can counts them, from 0."""
+    """Return a channel numbered from 0, as in python-can."""
     return str(int(channel) - 1)
 
 
@@ -392,10 +404,10 @@ def _asc_channel(channel: bytes) -> str:
 
 
 TRC_COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.2": "N,O,B,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
-"""Columns of the versions that do not list theirs; letters as in version 2: number, offset, type, identifier, ..."""
+"""Columns of versions without a list of columns; letters as in version 2: number, offset, type, identifier, ..."""
 
 TRC_2 = {"2.0": "N,O,T,I,d,L,D", "2.1": "N,O,T,B,I,d,R,L,D"}
-"""Those that list theirs, for a piece of a log without its head."""
+"""Columns of versions with such a list, for logs without their head."""
 
 TRC_LINES = (
     (rb"\d+\)\s+[\d.,]+\s+[0-9A-F]{4,8}\s", "1.0"),
@@ -405,7 +417,7 @@ TRC_LINES = (
     (rb"\d+\s+[\d.,]+\s+[A-Z]{2}\s+[0-9A-F]{4,8}\s+(?:Rx|Tx)\s", "2.0"),
     (rb"\d+\s+[\d.,]+\s+[A-Z]{2}\s+\d\s+[0-9A-F]{4,8}\s+(?:Rx|Tx)\s", "2.1"),
 )
-"""How a line of each version begins."""
+"""Patterns of the beginning of a line, by version."""
 
 TRC_FRAMES: dict[str, Damage | None] = {
     **dict.fromkeys(("DT", "Rx", "Tx")),
@@ -414,18 +426,18 @@ TRC_FRAMES: dict[str, Damage | None] = {
     "RR": None,
 }
 TRC_EVENTS = ("ST", "EC", "EV", "Warng", "FFFFFFFF")
-"""Types of entries that are frames, and what kind of; and those that are not, in version 1.0 by their identifier."""
+"""Entry types that are no frames; in version 1.0, an identifier."""
 
 TRC_REMOTE, TRC_REMOTE_DATA = "RR", "RTR"
-"""A remote frame, by its type in some versions, and in others by what stands in place of its data."""
+"""Marks of a remote frame: its type, or in other versions the text in place of its data."""
 
 MOST_DLC = 15
 
 TRC_EXTENDED = 5
-"""Identifiers with this many digits or more have 29 bits."""
+"""Minimum number of digits of a 29-bit identifier."""
 
 TRC_EPOCH = datetime(1899, 12, 30, tzinfo=UTC)
-"""What $STARTTIME counts days from."""
+"""Day 0 of $STARTTIME."""
 
 
 class TrcFormat(LineFormat):
@@ -436,10 +448,11 @@ class TrcFormat(LineFormat):
         self._set_columns(TRC_COLUMNS["1.0"])
 
     def _set_columns(self, columns: str) -> None:
-        """Note where each column is after the number and the offset; the data is the last one."""
+        """Set the place of each column after number and offset; the data is last."""
         letters = columns.strip().split(",")[2:]
         # `l` is the number of bytes, `L` the DLC; a version has one of them.
-        self._identifier, self._length = letters.index("I"), letters.index("l" if "l" in letters else "L")
+        self._identifier = letters.index("I")
+        self._length = letters.index("l" if "l" in letters else "L")
         self._data = len(letters) - 1
         self._bus, self._type = (letters.index(each) if each in letters else None for each in "BT")
 
@@ -459,7 +472,7 @@ class TrcFormat(LineFormat):
         return True
 
     def _guess_columns(self, line: bytes) -> None:
-        """Take the columns of the version whose lines begin like this one: the log's head is missing."""
+        """Set the columns by the beginning of a line, as the log has no head."""
         self._has_columns = True
         version = next((each for start, each in TRC_LINES if re.match(start, line.strip(), re.IGNORECASE)), "1.0")
         self._set_columns((TRC_COLUMNS | TRC_2)[version])
@@ -471,9 +484,10 @@ class TrcFormat(LineFormat):
         time = float(offset.replace(b",", b".")) / 1000 + self._start  # PCAN-View writes numbers as its user does
         if line[:1] == b";" or not abs(time) < entries.LATEST:
             raise ValueError(line)
-        words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
+        words = rest.decode("ascii").split(None, self._data)  # the data, which is last, stays in one piece
         channel = "1" if self._bus is None else words[self._bus]  # versions without that column record one bus
-        identifier, data = words[self._identifier], " ".join(words[self._data :]).rstrip()
+        identifier = words[self._identifier]
+        data = " ".join(words[self._data :]).rstrip()
         kind = None if self._type is None else words[self._type]
         damage = None if kind is None else TRC_FRAMES[kind]
         extended = len(identifier) >= TRC_EXTENDED
@@ -481,7 +495,8 @@ class TrcFormat(LineFormat):
             return time, channel, entries.foreign(damage, int(identifier, 16), bytes.fromhex(data), extended)
         if damage is not None:
             return time, channel, Foreign(damage, entries.shortened(rest))
-        is_remote, length = kind == TRC_REMOTE or data == TRC_REMOTE_DATA, int(words[self._length])
+        is_remote = kind == TRC_REMOTE or data == TRC_REMOTE_DATA
+        length = int(words[self._length])
         octets = b"" if is_remote else bytes.fromhex(data)
         if length > MOST_DLC or not (is_remote or length == len(octets)):
             raise ValueError(rest)
@@ -494,14 +509,16 @@ class TrcFormat(LineFormat):
 
 BUSMASTER_START = re.compile(r"\*{3}START DATE AND TIME ([\d:]+) ([\d:]+)\*{3}")
 BUSMASTER_KINDS = {b"s": (False, False), b"x": (True, False), b"sr": (False, True), b"xr": (True, True)}
-"""Whether a frame has a 29-bit identifier, and whether it is remote."""
+"""Whether a frame has a 29-bit identifier, and whether it is remote, by its kind."""
 
 
 class BusmasterFormat(LineFormat):
-    """Reads one log of BUSMASTER; its times of day are those of the day on which it began, in UTC."""
+    """Reads a BUSMASTER log; times of day belong to the day of its start, in UTC."""
 
     def __init__(self) -> None:
-        self._base, self._mode, self._before = NUMBER[b"hex"], b"SYSTEM", 0.0
+        self._base = NUMBER[b"hex"]
+        self._mode = b"SYSTEM"
+        self._before = 0.0
         self._began = self._midnight = 0.0
 
     def comment(self, line: bytes) -> bool:
@@ -557,7 +574,8 @@ class GvretFormat(LineFormat):
         stamp, identifier, extended, *rest = line.strip().rstrip(b",").split(b",")
         channel, length, *octets = rest[1:] if self._has_direction else rest
         # An old log has eight octets in each line.
-        data, number = bytes([int(octet, 16) for octet in octets[: int(length)]]), int(identifier, 16)
+        data = bytes([int(octet, 16) for octet in octets[: int(length)]])
+        number = int(identifier, 16)
         raw = entries.recorded(number, data, int(length), extended.lower() in GVRET_TRUE)
         return entries.seconds(int(stamp) / 1e6), channel.decode(), raw
 
@@ -566,7 +584,7 @@ class GvretFormat(LineFormat):
 
 
 class IxxatFormat(LineFormat):
-    """Reads one trace of IXXAT's MiniMon, of times since its start, or canAnalyser Mini, of times of day."""
+    """Reads a trace of IXXAT's MiniMon (times since its start) or canAnalyser Mini (times of day)."""
 
     def __init__(self) -> None:
         self._columns = [b"time", b"identifier", b"format", b"flags", b"data"]
@@ -582,7 +600,8 @@ class IxxatFormat(LineFormat):
         said = dict(zip(self._columns, _ixxat_words(line)))
         hours, minutes, second = said[b"time"].replace(b",", b".").split(b":")
         time = int(hours) * 3600 + int(minutes) * 60 + entries.seconds(second)
-        number, text = int(said.get(b"identifier") or said[b"id"], 16), said[b"data"]
+        number = int(said.get(b"identifier") or said[b"id"], 16)
+        text = said[b"data"]
         extended = number > HIGHEST_IDENTIFIER or IXXAT_KINDS[said.get(b"format", b"std").strip().lower()]
         channel = said.get(b"bus", b"").decode().rpartition(" ")[2]
         if b"rtr" in said.get(b"flags", b"").lower():  # and as its data `Remote request  DLC = 1`
@@ -606,22 +625,24 @@ KVASER = re.compile(
     rb"(?:(?P<error>ErrorFrame)|(?P<length>\d+)(?P<data>(?:\s+[0-9A-F]{2}\b)*))\s+(?P<time>\d+\.\d+)\s+[RT]\s*",
     re.IGNORECASE,
 )
-"""A line; no public description has the lines of remote frames and of CAN FD."""
+"""A line; lines of remote frames and CAN FD are not publicly documented."""
 
 
 class KvaserFormat(LineFormat):
-    """Reads one log of CanKing; what does not begin with a channel is a heading or a note."""
+    """Reads a CanKing log; a line that does not begin with a channel is a heading or a note."""
 
     def comment(self, line: bytes) -> bool:
         return not line.strip()[:1].isdigit()
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         found = matched(KVASER.fullmatch(line))
-        time, channel = entries.seconds(found["time"]), found["channel"].decode()
+        time = entries.seconds(found["time"])
+        channel = found["channel"].decode()
         if found["error"]:
             return time, channel, Foreign(Damage.ERROR_FRAME, entries.shortened(line))
         data = bytes.fromhex(found["data"].decode())
-        number, length = int(found["identifier"], 16), int(found["length"])
+        number = int(found["identifier"], 16)
+        length = int(found["length"])
         return time, channel, entries.recorded(number, data, length, found["extended"])
 
 
@@ -636,5 +657,6 @@ class CsvFormat(LineFormat):
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, identifier, extended, remote, error, length, data = line.strip().split(b",")
-        octets, flags = a2b_base64(data), (each == b"1" for each in (extended, remote, error))
+        octets = a2b_base64(data)
+        flags = (each == b"1" for each in (extended, remote, error))
         return entries.seconds(stamp), "", entries.recorded(int(identifier, 16), octets, int(length), *flags)

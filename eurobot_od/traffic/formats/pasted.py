@@ -24,14 +24,15 @@ MESSAGE = re.compile(
 
 
 class MessageFormat(LineFormat):
-    """Reads what a program prints of python-can's messages, also behind a logger's words; other lines are its own."""
+    """Reads printed python-can messages, also after a logger's prefix; other lines are comments."""
 
     def comment(self, line: bytes) -> bool:
         return b"Timestamp:" not in line
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         found = matched(MESSAGE.fullmatch(line[line.index(b"Timestamp:") :]))
-        data, flags = bytes.fromhex(found["data"].decode()), found["flags"].split()
+        data = bytes.fromhex(found["data"].decode())
+        flags = found["flags"].split()
         is_error, is_remote, is_fd = (each in flags for each in (b"E", b"R", b"F"))
         said = int(found["identifier"], 16), data, int(found["length"]), found["format"] in b"Xx"
         raw = entries.recorded(*said, is_remote, is_error, is_fd)
@@ -77,7 +78,7 @@ class YachtFormat(LineFormat):
 
 CARBUS_HEAD = re.compile(rb"@ TEXT @ (\d+) @", re.IGNORECASE)
 CARBUS_DIGITS = {2: 3, 3: 6}
-"""Digits after the comma of a time, by the version."""
+"""Decimal places of a time, by version."""
 
 
 class CarbusFormat(LineFormat):
@@ -95,13 +96,14 @@ class CarbusFormat(LineFormat):
         stamp, channel, _, identifier, length, text, *_ = line.strip().split(b"\t")
         whole, _, part = stamp.partition(b",")
         time = int(whole) + int(part or b"0") / 10**self._digits
-        number, data = int(identifier, 16), bytes.fromhex(text.decode())
+        number = int(identifier, 16)
+        data = bytes.fromhex(text.decode())
         extended = number > HIGHEST_IDENTIFIER or len(identifier) > EXTENDED_FROM
         return time, channel.decode(), entries.recorded(number, data, int(length), extended)
 
 
 EXTENDED_FROM = 4
-"""An identifier with more digits has 29 bits, however small it is."""
+"""Maximum number of digits of an 11-bit identifier."""
 
 
 # Microchip's CAN BUS Analyzer, `1234;RX;0x181;3;0x41;0x42;0x00`; between two lines of `//---` stands the head
@@ -117,7 +119,8 @@ class MicrochipFormat(LineFormat):
         stamp, direction, identifier, length, *octets = line.strip().rstrip(b";").split(b";")
         if direction.upper() not in (b"RX", b"TX"):
             raise ValueError(line)
-        number, data = int(identifier, 0), bytes([int(octet, 0) for octet in octets])
+        number = int(identifier, 0)
+        data = bytes([int(octet, 0) for octet in octets])
         extended = number > HIGHEST_IDENTIFIER or identifier[-1:] in b"xX"
         return float(stamp.replace(b",", b".")) / 1000, "", entries.recorded(number, data, int(length), extended)
 
@@ -134,19 +137,19 @@ NAMES: Mapping[str, Sequence[str]] = {
     "remote": ("remote", "rtr", "isremote", "isremoteframe"),
     "channel": ("channel", "bus", "chn", "interface", "chan"),
 }
-"""What a column is, by its name without spaces, signs, units and `(hex)`."""
+"""Names of columns, without spaces, signs, units and `(hex)`."""
 
 OCTET = re.compile(r"(?:d|b|data|byte|databyte|db)(\d)|byte([a-h])")
 UNIT = re.compile(r"[(\[_ ]\s*(ms|us|µs|ns|s|sec|seconds|hex|dec)\s*[)\]]?$", re.IGNORECASE)
 SMALLER_UNIT = 1e11
-"""A time from here on is in a smaller unit than s: ms, us or ns since 1970, as programs write it without saying so."""
+"""Times from here on are in ms, us or ns since 1970, although the column does not say so."""
 
 PER_SECOND = {"ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 TRUE = ("1", "true", "yes", "x", "ext", "extended", "29", "rtr", "remote")
 
 
 class ColumnsFormat(LineFormat):
-    """Reads CSV by the names of its columns: identifier and data in hexadecimal digits, a time in s or as it says."""
+    """Reads CSV by column names, with hexadecimal identifiers and data, and times in s or a named unit."""
 
     def __init__(self) -> None:
         self._delimiter = ","
@@ -172,7 +175,8 @@ class ColumnsFormat(LineFormat):
             return False
         self._octets = [octets[number] for number in sorted(octets)] if "data" not in self._places else []
         time = units[self._places["time"]] if "time" in self._places else ""
-        self._per_second, self._base = PER_SECOND.get(time, 1.0), 10 if units[self._places["id"]] == "dec" else 16
+        self._per_second = PER_SECOND.get(time, 1.0)
+        self._base = 10 if units[self._places["id"]] == "dec" else 16
         return True
 
     def _split(self, line: str) -> list[str]:
@@ -192,7 +196,7 @@ class ColumnsFormat(LineFormat):
         return self._time(said.get("time", "")), said.get("channel", ""), raw
 
     def _data(self, said: Mapping[str, str], words: Sequence[str]) -> bytes:
-        """Return the data: of one column, or of a column for each byte."""
+        """Return the data of one column, or of a column for each byte."""
         if "data" not in said:
             octets = [words[place] for place in self._octets if place < len(words) and words[place]]
             return bytes([int(each, 16) for each in octets][: int(said["length"]) if said.get("length") else None])
@@ -220,11 +224,11 @@ class ColumnsFormat(LineFormat):
 
 OLD = re.compile(rb"\s*<0x([0-9a-f]{1,8})>\s+\[(\d)\]((?:\s+[0-9a-f]{2}\b)*)(\s+remote request)?\s*", re.IGNORECASE)
 OLD_BASE = 3
-"""Most digits of an 11-bit identifier."""
+"""Maximum number of digits of an 11-bit identifier."""
 
 
 class OldFormat(LineFormat):
-    """Reads what the first versions of candump show."""
+    """Reads the output of the first versions of candump."""
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         identifier, length, text, remote = matched(OLD.match(line)).groups()

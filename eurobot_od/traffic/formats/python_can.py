@@ -1,4 +1,4 @@
-"""What python-can writes besides lines: its SQLite tables; what it reads: messages of a bus, and MF4.
+"""Logs by way of python-can: SQLite tables, MF4, and messages of a bus.
 
 Where a file cannot be read any further, the last entry says so.
 """
@@ -26,7 +26,7 @@ CREATE = """CREATE TABLE messages
 
 
 def of_message(message: can.Message) -> Raw:
-    """Return what python-can read, from a log or from a bus; raises ValueError for what no bus can carry."""
+    """Return an entry for a message of python-can; raises ValueError for what no bus can carry."""
     flags = message.is_extended_id, message.is_remote_frame, message.is_error_frame, message.is_fd
     return recorded(message.arbitration_id, bytes(message.data), message.dlc, *flags)
 
@@ -34,14 +34,14 @@ def of_message(message: can.Message) -> Raw:
 ROWS = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
 
 TYPES: Mapping[str, Any] = {"ts": float | int, "arbitration_id": int, "dlc": int, "data": bytes | None}
-"""What the columns have to hold; SQLite itself puts values of any type into any of them."""
+"""Types of the columns, which SQLite itself does not enforce."""
 
 IS_TABLE = "SELECT count(*) FROM sqlite_schema WHERE name = 'messages' AND sql LIKE 'CREATE TABLE%'"
-"""Whether there are rows: those of a view or a virtual table are computed, and need not end."""
+"""Whether `messages` is a table; rows of a view or virtual table are computed and may not end."""
 
 
 def read_table(file: BinaryIO, largest: int) -> Entries:
-    """Read the table `messages` of an SQLite file, as python-can's SqliteWriter makes it."""
+    """Read the table `messages` of an SQLite file, as written by python-can's SqliteWriter."""
     return read_each(_rows(file, largest), _row, _reason_of_sqlite)
 
 
@@ -55,7 +55,7 @@ def _rows(file: BinaryIO, largest: int) -> Iterator[Sequence[Any]]:
 
 
 def _reason_of_sqlite(error: Exception) -> Foreign | None:
-    # SQLite's words quote the file; Python raises the second error if what stands there is not UTF-8
+    # SQLite's message quotes the file, which may not be UTF-8.
     words = error.object.decode(errors="replace") if isinstance(error, UnicodeDecodeError) else error
     is_known = isinstance(error, (sqlite3.Error, UnicodeDecodeError))
     return Foreign(Damage.CUT_OFF, shortened(f"SQLite reads no further: {words}")) if is_known else None
@@ -70,7 +70,7 @@ def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:
 
 
 def read_mf4(file: BinaryIO, _largest: int) -> Entries:
-    """Read an MF4 file; raises LocalError if that needs an extra, and ends where python-can gives up.
+    """Read an MF4 file; raises LocalError without the extra, and ends where python-can fails.
 
     One without frames has an entry that says so.
     """
@@ -88,7 +88,7 @@ def _messages(file: BinaryIO) -> Iterator[can.Message]:
                 yield message
     except NotImplementedError:
         raise LocalError(f"{file.name}: {extras.missing('asammdf', 'mf4')}") from None
-    if message is None:  # most MF4 files are of measured values
+    if message is None:  # most MF4 files hold measured values
         raise EOFError("no frame of a bus is recorded here")
 
 

@@ -14,7 +14,7 @@ from eurobot_od.controller import Event, Report
 from eurobot_od.errors import BusError
 
 LONG = 60.0
-"""Seconds after which a test gives up; what it waits for comes at once."""
+"""Timeout of a test, in s; what it waits for comes at once."""
 
 
 def until(done: Callable[[], object]) -> None:
@@ -80,13 +80,13 @@ class Reports:
         self._reports.put(report)
 
     def wait_for(self, event: Event) -> Report:
-        """Give the next report of an event."""
+        """Return the next report of an event."""
         while (report := self._reports.get(timeout=LONG)).event is not event:
             pass
         return report
 
     def rest(self) -> list[Report]:
-        """Give those that are there."""
+        """Return the reports that have arrived."""
         return [self._reports.get() for _ in range(self._reports.qsize())]
 
     def empty(self) -> bool:
@@ -94,7 +94,7 @@ class Reports:
 
 
 def wait_for(bus: can.BusABC, cob_id: int, beginning: bytes = b"") -> bytes:
-    """Read until a frame comes with an identifier, and data that begin so, whatever else comes; give its data."""
+    """Return the next report of an event."""
     end = time.monotonic() + LONG
     while (message := bus.recv(max(end - time.monotonic(), 0))) is not None:
         if message.arbitration_id == cob_id and message.data.startswith(beginning):

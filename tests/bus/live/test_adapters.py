@@ -37,7 +37,7 @@ def test_an_adapter_is_named_with_what_drives_it(
     assert adapter.advice(with_socketcan=False).startswith(without)
 
 
-def test_nothing_on_usb_is_no_adapter(tmp_path: Path) -> None:
+def test_an_empty_usb_bus_has_no_adapters(tmp_path: Path) -> None:
     assert plugged_in(tmp_path) == []
 
 

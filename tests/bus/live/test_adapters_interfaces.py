@@ -28,7 +28,7 @@ class Bench:
         return [{"interface": "bench", "channel": "left"}]
 
 
-def test_what_a_driver_finds_is_an_interface(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_channel_that_a_driver_detects_is_an_interface(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(BACKENDS, "bench", (__name__, Bench.__name__))
     assert Attached("bench", "left") in here()
 

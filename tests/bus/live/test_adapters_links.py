@@ -65,14 +65,14 @@ LINKS: list[tuple[dict[str, Any], CanLink, str]] = [
 
 
 @pytest.mark.parametrize(("told", "link", "text"), LINKS, ids=[link.name for _, link, _ in LINKS])
-def test_what_ip_says_of_an_interface(told: dict[str, Any], link: CanLink, text: str) -> None:
+def test_ip_output_is_parsed(told: dict[str, Any], link: CanLink, text: str) -> None:
     others = [{"ifname": "lo", "flags": ["UP"], "link_type": "loopback"}]
     assert of_ip(json.dumps([*others, told])) == [link]
     assert str(link) == text
 
 
 @pytest.mark.parametrize("text", ["", 'Option "-json" is unknown', "[{"])
-def test_what_is_no_output_of_ip_is_an_error(text: str) -> None:
+def test_other_output_than_that_of_ip_is_an_error(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         of_ip(text)
 
@@ -124,7 +124,7 @@ TROUBLES = [
 
 
 @pytest.mark.parametrize(("link", "found"), TROUBLES, ids=[f"{link.name} {link}" for link, _ in TROUBLES])
-def test_what_is_wrong_with_an_interface_and_what_mends_it(link: CanLink, found: list[Trouble]) -> None:
+def test_problems_of_an_interface_have_a_remedy(link: CanLink, found: list[Trouble]) -> None:
     assert list(troubles(link)) == found
 
 
@@ -145,7 +145,7 @@ REMEDIES = [
 
 
 @pytest.mark.parametrize(("number", "name", "text"), REMEDIES)
-def test_what_helps_against_an_error(number: int | None, name: str, text: str) -> None:
+def test_errors_of_adapters_have_a_remedy(number: int | None, name: str, text: str) -> None:
     assert remedy(number, name) == text
 
 

@@ -110,7 +110,7 @@ class RecordingBus(VirtualBus):
 
 @pytest.fixture
 def _recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let python-can know the driver above as `recording`."""
+    """Register the driver above with python-can as `recording`."""
     monkeypatch.setitem(BACKENDS, "recording", (__name__, RecordingBus.__name__))
     monkeypatch.setattr("can.util.VALID_INTERFACES", can.VALID_INTERFACES | {"recording"})
 
@@ -247,7 +247,7 @@ def test_an_error_of_a_bus_that_was_replaced_meanwhile_is_only_a_frame_not_taken
     assert not driver.send(FRAME)
 
 
-def test_who_is_told_not_to_wait_and_does_not_is_prompt() -> None:
+def test_only_a_driver_that_can_send_without_waiting_is_prompt() -> None:
     with VirtualBus("test-buses") as bus:
         assert (Driver(bus).prompt, Driver(bus).filters, Driver(bus).overflow) == (True, False, 0)
     slow = Bus()
@@ -259,7 +259,7 @@ def test_who_is_told_not_to_wait_and_does_not_is_prompt() -> None:
     assert 0 < timeout < 0.1
 
 
-def test_what_drivers_log_is_kept_off_the_terminal_when_a_bus_is_opened(
+def test_log_messages_of_drivers_are_hidden_while_a_bus_is_opened(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Python writes warnings that nobody has asked for to the terminal; a driver's errors are raised, too."""
@@ -341,7 +341,7 @@ def test_without_an_opener_it_is_not_opened_again_and_sending_may_go_on() -> Non
         assert not scene.connection.reopen()
 
 
-def test_what_is_closed_neither_fails_nor_opens() -> None:
+def test_a_closed_connection_neither_fails_nor_reopens() -> None:
     with closing(Scene()) as scene:
         scene.connection.close()
         scene.connection.fail(FAILED)

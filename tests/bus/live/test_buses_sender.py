@@ -21,7 +21,7 @@ def scene() -> Iterator[Scene]:
         yield scene
 
 
-def test_all_frames_leave_the_most_urgent_first(scene: Scene) -> None:
+def test_waiting_frames_leave_in_order_of_priority(scene: Scene) -> None:
     scene.submit(*FRAMES)
     scene.sender.pump()
     assert scene.wire.sent == sorted(FRAMES)
@@ -83,7 +83,7 @@ KERNEL = {
 
 
 @pytest.mark.parametrize(("cause", "lost"), KERNEL.values(), ids=KERNEL)
-def test_what_the_kernel_says_tells_a_full_buffer_from_a_lost_bus(scene: Scene, cause: OSError, lost: bool) -> None:
+def test_errno_distinguishes_a_full_buffer_from_a_lost_bus(scene: Scene, cause: OSError, lost: bool) -> None:
     scene.wire.error = can.CanOperationError(f"Failed to transmit: {cause.strerror}", cause.errno)
     scene.wire.error.__cause__ = cause
     scene.submit(*FRAMES)

@@ -74,7 +74,7 @@ def test_a_programs_own_handler_is_back_at_the_end() -> None:
     assert signal.getsignal(signal.SIGURG) is own
 
 
-def test_it_ends_the_program_and_not_the_loop_however_slow_the_disk_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_watchdog_ends_the_program_even_with_a_slow_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     """While the watchdog reads the line to tell, the program goes on, and is then in the loop as likely as not."""
 
     def slow(_file: str, _number: int) -> str:

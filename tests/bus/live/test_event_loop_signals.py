@@ -37,7 +37,7 @@ def test_a_second_sigterm_does_not_cut_the_end_short() -> None:
     assert done
 
 
-def test_one_that_comes_at_the_end_waits_for_it() -> None:
+def test_sigterm_during_cleanup_waits_for_its_end() -> None:
     done = []
 
     def end() -> None:

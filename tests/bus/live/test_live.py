@@ -101,7 +101,7 @@ def test_a_node_sends_what_its_eds_has_as_tpdo_and_nothing_else(channel: str) ->
     assert message.arbitration_id == PROTOCOL.cob_id(FloorRequest)
 
 
-def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: str) -> None:
+def test_other_frames_than_classic_base_frames_are_only_counted(channel: str) -> None:
     controller = Controller(PROTOCOL)
     queue = controller.add_queue(Halt)
     cob_id = PROTOCOL.cob_id(Halt)
@@ -144,7 +144,7 @@ def test_an_interrupt_while_sending_keeps_no_later_frame_back(channel: str) -> N
     assert received == {PROTOCOL.cob_id(EmergencyOff), PROTOCOL.cob_id(Halt)}
 
 
-def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
+def test_frames_that_do_not_fit_into_the_driver_are_sent_later(channel: str) -> None:
     with (
         can.Bus(channel, interface="virtual", rx_queue_size=1) as other,
         Live(virtual(channel), Controller(PROTOCOL)) as live,
@@ -168,7 +168,7 @@ class FilteringBus(VirtualBus):
 
 @pytest.fixture
 def _filtering(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let python-can know the driver above as that of an interface which filters."""
+    """Register the driver above with python-can as one of an interface that filters."""
     monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, FilteringBus.__name__))
 
 
@@ -233,7 +233,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("message", HOSTILE.values(), ids=HOSTILE)
-def test_what_no_adapter_can_receive_is_counted_and_acted_on_by_nobody(channel: str, message: can.Message) -> None:
+def test_malformed_frames_are_only_counted(channel: str, message: can.Message) -> None:
     controller = Controller(PROTOCOL)
     answers = controller.add_queue(CheckCabinResponse)
     with (
@@ -427,7 +427,7 @@ def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
     assert live.controller.statistics().transmit.completed == len(driver.tries) == 12
 
 
-def test_what_no_thread_has_sent_by_the_end_is_sent_by_whoever_ends_it(driver: Driver) -> None:
+def test_frames_left_at_the_end_are_sent_by_the_closing_thread(driver: Driver) -> None:
     live = Live(driver, Controller(PROTOCOL))  # without its threads, as a keeper that has not had its turn
     live.send(Halt())
     assert driver.tries == []
@@ -503,7 +503,7 @@ def test_a_keeper_with_nothing_to_do_looks_now_and_then(driver: Driver) -> None:
     assert Live(driver, Controller(PROTOCOL), clock=lambda: 5.0)._next_look() == 5.0 + POLL
 
 
-def test_what_a_frame_makes_due_does_not_wait_for_the_next_look(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_timers_set_by_a_frame_act_at_once(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The keeper, who is asleep, hears that the heartbeat is switched on."""
     monkeypatch.setattr("eurobot_od.bus.live.live.POLL", 10 * LONG)
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", "0")
@@ -517,14 +517,14 @@ def test_what_a_frame_makes_due_does_not_wait_for_the_next_look(channel: str, mo
             came |= {message.data[0]} if message.arbitration_id == 0x705 else set()
 
 
-def test_what_waits_and_no_thread_is_at_is_looked_at_now(driver: Driver) -> None:
+def test_a_waiting_frame_without_a_sending_thread_is_due_now(driver: Driver) -> None:
     controller = Controller(PROTOCOL)
     live = Live(driver, controller, clock=lambda: 5.0)
     controller.send(CheckCabinRequest(), 5.0)
     assert live._next_look() == 5.0
 
 
-def test_what_the_driver_has_not_taken_is_tried_again_after_a_pause(driver: Driver) -> None:
+def test_frames_refused_by_the_driver_are_retried_after_a_pause(driver: Driver) -> None:
     driver.error = can.CanOperationError("transmit buffer full")
     live = Live(driver, Controller(PROTOCOL), clock=lambda: 5.0)
     live.send(CheckCabinRequest())

@@ -149,7 +149,7 @@ FOREIGN = (
 )
 
 
-def test_what_is_not_a_classic_frame_of_11_bits_is_not_heard() -> None:
+def test_only_classic_frames_with_11_bits_are_received() -> None:
     seconds, group = count(0.0, 0.25), NodeGroup([])
     with LiveGroup(Once([], *FOREIGN, BEAT), group, lambda: next(seconds)) as live:
         live.run(10.0)

@@ -178,12 +178,12 @@ class TestForkedChild:
         assert child_says(calls, monkeypatch) == b"RRRR-"
         live.send(CheckCabinRequest())  # here it goes on
 
-    def test_who_has_no_node_is_refused(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_child_process_needs_a_node(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
         with Live(VirtualBus(channel), Controller(PROTOCOL)) as live:
             assert child_says([lambda: live.send(CheckCabinRequest()), live.stop], monkeypatch) == b"R-"
             live.send(CheckCabinRequest())
 
-    def test_who_is_gone_is_no_error(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_collected_live_bus_is_no_error(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
         with Live(VirtualBus(channel), Controller(PROTOCOL)):
             pass
         gc.collect()

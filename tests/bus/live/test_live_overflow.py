@@ -41,14 +41,14 @@ class CountingBus(VirtualBus):
 
 @pytest.fixture
 def bus(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[CountingBus]:
-    """Let python-can know the driver above as SocketCAN's."""
+    """Register the driver above with python-can as SocketCAN's."""
     monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, CountingBus.__name__))
     monkeypatch.setitem(sys.modules, __name__, sys.modules[CountingBus.__module__])
     with CountingBus(request.node.name) as bus:
         yield bus
 
 
-def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -> None:
+def test_overflows_are_counted_and_reported_by_emcy(bus: CountingBus) -> None:
     reports = Reports()
     with VirtualBus(bus.channel_id) as other, Live.node(bus, Cabin(lift.dictionary("cabin")), report=reports) as live:
         bus.flood(1000)
@@ -61,7 +61,7 @@ def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -
     assert last.text.startswith(f"{live.overflow} ")
 
 
-def test_what_overflows_while_the_node_is_switched_off_is_counted_too(bus: CountingBus) -> None:
+def test_overflows_of_a_switched_off_node_are_counted(bus: CountingBus) -> None:
     class Late(Cabin):
         """Is switched off while the bus is full: when nobody reads it any more."""
 

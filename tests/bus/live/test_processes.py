@@ -51,7 +51,7 @@ def joined(port: int) -> can.BusABC:
 
 @pytest.fixture
 def _collected() -> Iterator[None]:
-    """Have the garbage collector close the sockets that python-can-remote leaves open when a connection fails."""
+    """Make the garbage collector close the sockets that python-can-remote leaves open after a failed connection."""
     yield
     gc.collect()
 

@@ -82,13 +82,13 @@ def test_a_frame_has_the_time_of_our_clock_or_the_drivers() -> None:
         message(is_fd=True),
     ],
 )
-def test_what_is_no_classic_base_data_frame_is_foreign(foreign: can.Message) -> None:
+def test_other_frames_than_classic_base_data_frames_are_foreign(foreign: can.Message) -> None:
     scene = Scene((1.0, foreign), (1.0, message(0x005)))
     assert scene.foreign == [foreign]
     assert [cob_id for cob_id, *_ in scene.received] == [0x005]
 
 
-def test_nor_is_what_no_adapter_can_receive() -> None:
+def test_malformed_frames_are_foreign() -> None:
     high, negative, long = message(), message(), message()
     high.arbitration_id, negative.arbitration_id, long.data = 0x800, -1, bytearray(9)
     scene = Scene(*((1.0, each) for each in (high, negative, long)))

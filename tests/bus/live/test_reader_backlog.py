@@ -20,14 +20,14 @@ def backlog() -> tuple[Backlog, list[int]]:
     return made, ended
 
 
-def test_what_came_during_a_standstill_is_old_until_something_is_fresh() -> None:
+def test_frames_from_a_standstill_are_old_until_one_is_fresh() -> None:
     made, ended = backlog()
     now = 1.0 + STALLED
     assert [made.is_old(now, STAMPS + came) for came in (1.5, 3.0, 4.99, 5.5, 3.0)] == [True, True, True, False, False]
     assert ended == [3]
 
 
-def test_or_until_nothing_waits() -> None:
+def test_frames_are_old_until_the_queue_is_empty() -> None:
     made, ended = backlog()
     assert made.is_old(6.0, STAMPS + 1.5)
     made.is_empty(6.1)
@@ -52,7 +52,7 @@ FRESH = {
 
 
 @pytest.mark.parametrize(("now", "stamp"), FRESH.values(), ids=FRESH)
-def test_nothing_else_is_old(now: float, stamp: float) -> None:
+def test_frames_outside_a_standstill_are_not_old(now: float, stamp: float) -> None:
     made, ended = backlog()
     assert not made.is_old(now, stamp)
     assert ended == []

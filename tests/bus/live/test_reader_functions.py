@@ -13,7 +13,7 @@ from eurobot_od.bus.live.reader import STUCK_AFTER, FunctionThread
 from eurobot_od.controller import Event, FunctionListener, Report
 
 LONG = 60.0
-"""Seconds after which a test gives up; what it waits for comes at once."""
+"""Timeout of a test, in s; what it waits for comes at once."""
 
 
 class Scene:
@@ -37,7 +37,7 @@ class Scene:
         assert self.release.wait(LONG)
 
     def hang(self) -> None:
-        """Have the thread hang in a function."""
+        """Make the thread hang in a function."""
         self.thread.submit(self.waits, "wait", 0.0)
         assert self.entered.wait(LONG)
 

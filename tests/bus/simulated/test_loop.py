@@ -199,7 +199,7 @@ def test_tasks_left_over_are_cancelled_at_the_end(fails: bool) -> None:
     assert ended == ["background"]
 
 
-def test_what_nobody_waits_for_any_more_leaves_nothing_behind() -> None:
+def test_cancelled_waits_leave_nothing_behind() -> None:
     bench = Lift("cabin", "door")
 
     async def main(panel: Panel) -> None:
@@ -256,7 +256,7 @@ def test_their_clocks_are_one() -> None:
     assert clock.now == networks[0].now == networks[1].now == 0.5
 
 
-def test_nothing_happens_on_empty_buses() -> None:
+def test_empty_buses_have_no_events() -> None:
     clock = Several(Simulation(), Simulation())
     assert clock.next_event == inf
     assert not clock.advance(1.0)

@@ -32,7 +32,7 @@ PROTOCOL = lift.protocol()
 MOVE = PROTOCOL.encode(MoveTo(1500, Ride.NORMAL, 80))
 
 MOVE_TIME = (frame_bits(MOVE) - INTERMISSION) / 500_000
-"""Seconds that it takes on the bus, to the end of frame."""
+"""Time on the bus to the end of frame, in s."""
 
 
 class Ear(Peer):
@@ -334,7 +334,7 @@ def test_a_frame_on_the_wire_ends_when_its_sender_falls_silent(silence: Silence)
 
 
 @silences
-def test_what_has_come_and_was_not_looked_at_yet_is_lost(silence: Silence) -> None:
+def test_unread_frames_are_lost(silence: Silence) -> None:
     wire = Wire(processing=200e-6)
     wire.panel.say(MOVE)
     assert wire.run(0.1 + MOVE_TIME + 1e-6) == [MOVE]
@@ -376,7 +376,7 @@ def test_a_frame_on_the_wire_when_the_bus_is_cut_begins_anew_afterwards() -> Non
     assert wire.cabin.looks(MOVE) == wire.sent(MOVE)
 
 
-def test_what_is_said_while_the_bus_is_off_leaves_by_its_priority() -> None:
+def test_frames_sent_during_bus_off_leave_by_priority() -> None:
     wire = Wire()
     wire.network.cut(0.5)
     wire.network.cut(0.3)  # does not end the longer one
@@ -489,7 +489,7 @@ def test_equal_frames_of_all_who_are_there_are_acknowledged_by_nobody() -> None:
     assert scene.run() == []
 
 
-def test_what_is_dropped_is_sent_again() -> None:
+def test_dropped_frames_are_sent_again() -> None:
     scene = Scene()
     scene.say("A", FRAME)
     scene.run(30)

@@ -35,7 +35,7 @@ def test_the_lower_identifier_is_heard_first() -> None:
     assert [each.arbitration_id for _ in range(2) if (each := ear.recv(1.0))] == [0x200, 0x300]
 
 
-def test_what_is_periodic_is_sent_at_its_times_until_it_is_stopped() -> None:
+def test_periodic_frames_are_sent_until_stopped() -> None:
     simulation, sent = Simulation(), list[tuple[float, Frame]]()
     simulation.observers.append(lambda now, frame: sent.append((round(now, 3), frame)))
     bus = SimulatedBus(simulation)

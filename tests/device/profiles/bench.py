@@ -99,13 +99,13 @@ class Bench:
         self.axis.control(self.now)
 
     def run(self, seconds: float, step: float = 0.001) -> None:
-        """Let the time pass; every `step` seconds somebody looks."""
+        """Advance the time in steps of `step` seconds."""
         for _ in range(round(seconds / step)):
             self.now += step
             self.axis.advance(self.now)
 
     def rest(self) -> None:
-        """Let the time pass until nothing moves, two minutes at most."""
+        """Advance the time until nothing moves, two minutes at most."""
         while self.axis.busy and self.now < 120:
             self.run(0.1, 0.1)
 

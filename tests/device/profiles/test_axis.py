@@ -254,7 +254,7 @@ CONNECTION = {0: State.ENABLED, 1: State.FAULT, 2: State.DISABLED, 3: State.DISA
 
 
 @pytest.mark.parametrize(("code", "after"), CONNECTION.items())
-def test_what_a_lost_connection_does_is_an_option_code(code: int, after: State) -> None:
+def test_the_abort_connection_option_code_is_obeyed(code: int, after: State) -> None:
     bench = turning({(0x6007, 0): code})
     bench.axis.connection_lost()
     bench.run(0.5)
@@ -293,7 +293,7 @@ def test_after_a_long_halt_it_goes_on_from_there() -> None:
     assert bench.position == pytest.approx(before + 500 * MOST_STEPS * STEP + 500, abs=1)
 
 
-def test_it_is_busy_until_the_motor_has_followed() -> None:
+def test_an_axis_is_busy_until_the_motor_has_followed() -> None:
     bench = Bench(plant=Plant(acceleration=1.0, friction=0.1)).enable()
     bench.write(0x607A, 1000)
     bench.command(0x1F)

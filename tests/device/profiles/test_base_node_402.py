@@ -17,7 +17,7 @@ from tests.client.servo import SERVO
 
 NODE_ID = 5
 LONGEST = 10.0
-"""Seconds that a motion of this test may take, on a busy machine; most take less than one."""
+"""Timeout of a motion on a busy machine, in s; most take less than 1 s."""
 
 
 class PatientMaster(BaseNode402):
@@ -61,13 +61,13 @@ def target_reached(node: Any) -> bool:
     return bool(node.statusword & 0x400)
 
 
-def test_it_goes_through_the_states(drive: Any) -> None:
+def test_canopens_drive_goes_through_the_states(drive: Any) -> None:
     for state in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED", "SWITCHED ON", "SWITCH ON DISABLED"):
         drive.state = state
         assert drive.state == state
 
 
-def test_it_quits_a_fault(drive: Any) -> None:
+def test_canopens_drive_resets_a_fault(drive: Any) -> None:
     drive.state = "OPERATION ENABLED"
     drive.sdo[0x6065].raw = 1  # following error window
     drive.sdo[0x6066].raw = 0
@@ -91,7 +91,7 @@ def test_it_homes(drive: Any, method: int) -> None:
     assert abs(drive.sdo[0x6064].raw) < 200  # at home, but for the way in which it has stopped
 
 
-def test_it_homes_again_after_other_modes(drive: Any) -> None:
+def test_canopens_drive_homes_again_after_other_modes(drive: Any) -> None:
     drive.sdo[0x6098].raw = 35
     for _ in range(2):
         assert drive.homing(timeout=LONGEST)
@@ -99,7 +99,7 @@ def test_it_homes_again_after_other_modes(drive: Any) -> None:
         assert drive.is_homed(restore_op_mode=True)
 
 
-def test_it_moves_to_positions(drive: Any) -> None:
+def test_canopens_drive_moves_to_positions(drive: Any) -> None:
     drive.op_mode = "PROFILED POSITION"
     drive.state = "OPERATION ENABLED"
     for target in (4000, -500):
@@ -111,7 +111,7 @@ def test_it_moves_to_positions(drive: Any) -> None:
         assert drive.sdo[0x6064].raw == pytest.approx(target, abs=50)  # the position window
 
 
-def test_it_turns_at_velocities(drive: Any) -> None:
+def test_canopens_drive_turns_at_velocities(drive: Any) -> None:
     drive.op_mode = "PROFILED VELOCITY"
     drive.state = "OPERATION ENABLED"
     drive.sdo[0x60FF].raw = 60
@@ -120,7 +120,7 @@ def test_it_turns_at_velocities(drive: Any) -> None:
     until(drive, lambda: drive.tpdo[1]["Velocity actual value"].raw == 0)
 
 
-def test_it_follows_a_target_with_each_sync(drive: Any) -> None:
+def test_canopens_drive_follows_a_position_with_each_sync(drive: Any) -> None:
     drive.op_mode = "CYCLIC SYNCHRONOUS POSITION"
     drive.state = "OPERATION ENABLED"
     for target in range(0, 2001, 50):
@@ -129,7 +129,7 @@ def test_it_follows_a_target_with_each_sync(drive: Any) -> None:
     until(drive, lambda: drive.sdo[0x6064].raw == 2000)
 
 
-def test_it_follows_a_velocity_with_each_sync(drive: Any) -> None:
+def test_canopens_drive_follows_a_velocity_with_each_sync(drive: Any) -> None:
     drive.op_mode = "CYCLIC SYNCHRONOUS VELOCITY"
     drive.state = "OPERATION ENABLED"
     drive.sdo[0x60FF].raw = -60
@@ -145,7 +145,7 @@ def test_a_mode_that_the_drive_cannot_is_not_taken(drive: Any) -> None:
     assert drive.op_mode == "PROFILED VELOCITY"
 
 
-def test_it_turns_with_a_torque(drive: Any) -> None:
+def test_canopens_drive_turns_with_a_torque(drive: Any) -> None:
     drive.op_mode = "PROFILED TORQUE"
     drive.state = "OPERATION ENABLED"
     drive.sdo[0x6087].raw = 0  # no slope

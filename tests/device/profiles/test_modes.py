@@ -300,7 +300,7 @@ def test_the_home_offset_is_from_home_to_zero() -> None:
 
 
 @pytest.mark.parametrize("method", [0, 15, 31, 36, 99])
-def test_what_is_no_method_is_a_homing_error(method: int) -> None:
+def test_an_unknown_homing_method_is_a_homing_error(method: int) -> None:
     assert homing(method)[0x6041] & 0x3400 == 0x2400
 
 

@@ -228,7 +228,7 @@ def test_an_analogue_input_is_multiplied_and_then_the_offset_added(factor: int, 
 
 
 @pytest.mark.parametrize(("factor", "offset", "value"), SCALES[:-1])
-def test_so_is_an_analogue_output(factor: int, offset: int, value: int) -> None:
+def test_an_analogue_output_is_scaled(factor: int, offset: int, value: int) -> None:
     made = SimulatedModule(IO)
     wire = NodeWire(made)
     wire.write(0x6447, 1, factor & 0xFFFFFFFF)

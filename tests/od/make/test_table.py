@@ -261,7 +261,7 @@ def test_a_table_that_extends_another_says_only_what_is_different(own: str, both
     assert plain(yaml_places.merged(base, yaml_places.compose(own, []))) == both
 
 
-def test_what_is_wrong_in_the_table_beneath_has_its_file(tmp_path: Path) -> None:
+def test_errors_in_an_included_table_name_its_file(tmp_path: Path) -> None:
     beneath = tmp_path / "base.yaml"
     beneath.write_text("bit_rate: [1]\nnodse: {}\n")
     with pytest.raises(YamlError) as error:

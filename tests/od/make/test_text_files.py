@@ -94,7 +94,7 @@ def test_writes_plain_lines(folder: Path) -> None:
     assert all(each.isascii() and b"\r" not in each and each.endswith(b"\n") for each in contents)
 
 
-def test_what_was_written_is_not_different(folder: Path) -> None:
+def test_written_files_equal_the_generated_ones(folder: Path) -> None:
     assert differences(TEXTS, folder) == []
 
 

@@ -138,18 +138,18 @@ DEVICES["module"] = _module()
 
 
 def every(period: float, frame: str, until: float = 2.0, start: float = 0.0) -> Log:
-    """Give a frame again and again."""
+    """Return a log of one periodic frame."""
     number = round((until - start) / period)
     return [(round(start + n * period, 6), frame) for n in range(number + 1)]
 
 
 def beats(state: int = 5, node: int = 5, until: float = 2.0, start: float = 0.0, period: float = 0.1) -> Log:
-    """Give a node's heartbeats."""
+    """Return a log of a node's heartbeats."""
     return every(period, f"{0x700 + node:03X}#{state:02X}", until, start)
 
 
 def at(*frames: str, start: float = 0.0, gap: float = 0.001) -> Log:
-    """Give some frames, one after the other."""
+    """Return a log of successive frames."""
     return [(round(start + n * gap, 6), frame) for n, frame in enumerate(frames)]
 
 

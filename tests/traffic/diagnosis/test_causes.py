@@ -31,7 +31,7 @@ def test_more_than_all_means_that_the_bus_is_faster() -> None:
     assert "the bus is faster, -b says its bit rate" in found(BusRule.LOAD_HIGH, TOO_FULL).text
 
 
-def test_what_a_full_bus_delays_is_below_it() -> None:
+def test_delays_are_consequences_of_a_full_bus() -> None:
     frames = log(FLOOD, beats(until=0.4), beats(start=1.19, until=1.2, period=0.001), beats(node=6, until=0.2))
     first, *others = diagnosed(frames, ())
     assert first.rule is BusRule.LOAD_FULL

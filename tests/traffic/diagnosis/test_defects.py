@@ -79,7 +79,7 @@ LOST = log(beats(until=1), beats(node=6, until=4), at("605#4018100100000000", st
 MISSES = at("086#3081110000000000", start=1.2)
 
 
-def test_what_follows_from_a_lost_node_is_below_it() -> None:
+def test_consequences_of_a_lost_node_are_below_it() -> None:
     (lost,) = diagnosed(log(LOST, MISSES), ())
     assert lost.rule is BusRule.HEARTBEAT_LOST
     assert {each.rule for each in lost.follows} == {BusRule.SDO_UNANSWERED, BusRule.EMCY_RAISED}

@@ -68,7 +68,7 @@ class AskedBus:
             self.take(Frame(request.cob_id - 0x80, head + address + (content or ABSENT).ljust(4, b"\0")))
 
     def step(self, seconds: float = 0.02) -> None:
-        """Let time pass, and look, as the command does."""
+        """Advance the time, and process incidents as the command does."""
         for _ in range(round(seconds / 0.02)):
             self.time += 0.02
             self.diagnosis.tick(self.time)
@@ -96,7 +96,7 @@ def test_a_node_in_trouble_is_asked_for_all_that_says_why() -> None:
     assert not bus.questions.is_busy
 
 
-def test_what_a_node_refuses_is_said_and_no_incident_of_its_own() -> None:
+def test_a_refused_question_is_reported_without_an_incident() -> None:
     bus = AskedBus({(0x1001, 0): b"\x21"})
     bus.step(1.0)
     refusal = "the node aborts: Object does not exist (0x06020000)"
@@ -121,7 +121,7 @@ def test_a_node_without_trouble_is_not_asked() -> None:
     assert {each.cob_id for each in bus.sent} == {0x605}
 
 
-def test_one_object_at_a_time_is_asked() -> None:
+def test_questions_are_asked_one_at_a_time() -> None:
     bus = AskedBus()
     bus.take(Frame(0x086, bytes.fromhex("2032210000000000")))
     bus.answers = False
@@ -137,7 +137,7 @@ ENDS = [
 ]  # fmt: skip
 
 
-def test_nothing_is_asked_while_the_transfer_of_another_client_is_open() -> None:
+def test_questions_wait_for_transfers_of_other_clients() -> None:
     bus = AskedBus()
     for frame in (READ, SEGMENTED):
         bus.take(frame)

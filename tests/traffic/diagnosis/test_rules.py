@@ -21,7 +21,7 @@ def test_no_rule_says_what_another_one_says() -> None:
     assert len({each.what for each in BusRule}) == len(BusRule)  # equal members would be one
 
 
-def test_what_to_do_names_commands_that_there_are_and_their_node_first() -> None:
+def test_remedies_name_existing_commands() -> None:
     named = [text.split() for each in BusRule for text in re.findall("`(.+?)`", each.remedy)]
     commands = [words for words in named if not words[0].startswith("-")]
     assert ["nmt", "NODE", "start"] in commands

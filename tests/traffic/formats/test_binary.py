@@ -37,7 +37,7 @@ def read(content: bytes, form: str, largest: int = 1 << 20) -> list[LogEntry]:
     return list(formats.read(io.BytesIO(content), form, largest))
 
 
-def test_what_linux_and_dumpcap_captured() -> None:
+def test_captures_of_linux_and_dumpcap_are_read() -> None:
     found = read(CAPTURED, "pcap")
     assert [raw for *_, raw in found] == IN_IT
     assert round(found[0][1], 6) == 1795334746.596467

@@ -207,7 +207,7 @@ def test_times_of_a_blf_file_count_from_the_start_that_it_says(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("content", [b"", b"LOGG", b"no BLF at all" * 20])
-def test_what_is_no_blf_file(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_blf_is_unreadable(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "bus.blf"
     file.write_bytes(content)
     (raw,) = raws(file)
@@ -395,7 +395,7 @@ def test_a_log_that_does_not_say_what_it_is_goes_by_its_name(tmp_path: Path, suf
     assert raws(file) == [Foreign(Damage.UNREADABLE, "garbage"), Frame(0x014, b"\x01\x02\x03")]
 
 
-def test_what_was_asked_for_counts_more_than_what_a_log_says(tmp_path: Path) -> None:
+def test_an_explicit_format_takes_precedence(tmp_path: Path) -> None:
     file = write(tmp_path, "blf", SENT)
     with file.open("rb") as opened:
         assert {type(raw) for *_, raw in formats.read(opened, "csv")} == {Foreign}

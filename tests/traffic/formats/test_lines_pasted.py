@@ -105,7 +105,7 @@ def test_gvret() -> None:
 
 
 @pytest.mark.parametrize("before", ["\ufeff", "\n\r\n", "# who made it\n\n", "\ufeff\n# both\n"])
-def test_what_may_stand_before_the_first_entry(before: str) -> None:
+def test_lines_before_the_first_entry_are_skipped(before: str) -> None:
     assert [raw for *_, raw in read(f"{before}  can0  70A   [1]  00\n")] == [BOOT]
     assert [raw for *_, raw in read(f"{before}(1.0) can0 70A#00\n")] == [BOOT]
 

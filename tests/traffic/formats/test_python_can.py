@@ -124,7 +124,7 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
         (f"TABLE messages ({PLACES}, data AS (zeroblob(1 << 24)))", "string or blob too big"),
     ],
 )
-def test_what_is_computed_and_need_not_end_is_not_read(tmp_path: Path, made: str, text: str) -> None:
+def test_views_and_virtual_tables_are_not_read(tmp_path: Path, made: str, text: str) -> None:
     file = tmp_path / "odd.db"
     with closing(sqlite3.connect(file)) as connection, connection:
         connection.execute(f"CREATE {made}")
@@ -165,7 +165,7 @@ def test_a_line_of_csv_with_another_length_than_its_data_costs_no_other() -> Non
     ]
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+def test_a_written_table_is_read_again(tmp_path: Path) -> None:
     messages = [
         can.Message(timestamp=1.5, arbitration_id=0x014, data=b"\x01\x02", is_extended_id=False),
         can.Message(timestamp=2.5, arbitration_id=0x014, data=b"\x03", is_extended_id=True),

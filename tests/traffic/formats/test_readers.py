@@ -121,7 +121,7 @@ def test_a_file_is_recognised_by_its_first_bytes(form: str, tmp_path: Path) -> N
         ("time,id,ide,data\n1.5,181,1,3702E8030000\n", Frame(EXTENDED | 0x181, STATUS.data)),
     ],
 )
-def test_what_people_paste(text: str, expected: Raw) -> None:
+def test_pasted_logs_are_read(text: str, expected: Raw) -> None:
     assert read(text)[0] == expected
 
 
