@@ -84,12 +84,24 @@ def test_no_text_is_multiplied_by_a_condition(folder: str) -> None:
     assert wrong == [], "write a conditional expression"
 
 
-PLAIN = [
-    f"{folder}/{room}"
-    for folder in ("eurobot_od", "tests")
-    for room in ["support", "lint", "pdo", "sdo", "od", "bus", "export", "library", "device", "client", "traffic"]
+OPEN = (
+    "eurobot_od/cli",
+    "eurobot_od/robot",
+    "eurobot_od/web",
+    "tests/kit",
+    "tests/properties",
+    "tests/robot",
+    "tests/web",
+)
+"""Rooms that do not meet the rules below yet; the list goes when all do."""
+
+ROOMS = [
+    str(room.relative_to(ROOT))
+    for folder in FOLDERS
+    for room in sorted((ROOT / folder).iterdir())
+    if room.is_dir() and any(room.glob("*.py"))
 ]
-"""Rooms that meet the rules below; the list goes when all do."""
+PLAIN = [room for room in ROOMS if room not in OPEN]
 
 UNIT_ALONE = re.compile(r"(Milliseconds|Seconds) (that|after|in|of|from|by|for|between|until|which|without|an?)\b")
 

@@ -12,7 +12,7 @@ import pytest
 from can_remote.server import RemoteServer
 
 PATIENCE = 60.0
-"""Seconds after which a process that hangs is killed."""
+"""Time after which a hanging process is killed, in s."""
 
 
 @contextmanager

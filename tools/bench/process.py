@@ -26,7 +26,7 @@ UNWANTED = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "EUROBOT_OD_DIALECT",
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in UNWANTED}
 LONGEST = 300.0
-"""Seconds after which a program is killed with all its children; the slowest row takes a tenth of that."""
+"""Timeout of a program and its children, in s; the slowest row takes a tenth of it."""
 
 Words = Sequence[str | Path]
 NO_VARIABLES: Mapping[str, str] = MappingProxyType({})

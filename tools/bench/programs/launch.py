@@ -18,7 +18,7 @@ from contextlib import suppress
 from glob import glob
 
 PAUSE = 0.02
-"""Seconds between two readings of the children; the kernel keeps each peak, so none is missed while they live."""
+"""Interval between two readings of the children, in s; the kernel keeps their peaks while they live."""
 
 PEAK = "VmHWM:"
 

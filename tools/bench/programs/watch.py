@@ -24,7 +24,7 @@ RATE = 9000
 CHANNEL = "bench"
 
 AFTER = 0.3
-"""Seconds that a reader has for what is still in its queue."""
+"""Time for a reader to empty its queue, in s."""
 
 ESCAPE = 27
 """The key that ends python-can's viewer."""

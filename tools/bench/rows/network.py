@@ -29,10 +29,10 @@ from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, SYNC_COB_ID
 
 EDS = Path(__file__).parents[3] / "docs" / "servo.eds"
 ANSWER_DELAY = 0.002
-"""Seconds from a request to its answer: both frames, and a control loop of the drive between them."""
+"""Time from a request to its answer, in s: both frames and a control loop of the drive."""
 
 PATIENCE = 10.0
-"""Seconds that both masters wait for an answer; on a busy machine an answer may be late."""
+"""Timeout of an answer for both masters, in s; on a busy machine it may be late."""
 
 PERIOD = 0.01
 LOOK = 0.002

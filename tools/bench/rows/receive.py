@@ -38,10 +38,10 @@ DIFFERENT = 1000
 """How many of them differ."""
 
 LOOK = 0.0005
-"""Seconds between two checks whether the queue is empty."""
+"""Interval between two checks of the queue, in s."""
 
 PATIENCE = 30.0
-"""Seconds after which a queue that is not empty is a fault."""
+"""Timeout for an empty queue, in s."""
 
 
 def received_gotos(number: int) -> list[can.Message]:

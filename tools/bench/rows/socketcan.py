@@ -34,7 +34,7 @@ SO_RCVBUFFORCE = 33
 """Linux's option for a larger buffer than ordinary users may have; for root."""
 
 QUIET = 0.3
-"""Seconds without a frame after which no more are expected."""
+"""Silence after which no more frames are expected, in s."""
 
 Count = Callable[[], int]
 """Returns how many frames have come so far."""
