@@ -128,13 +128,10 @@ def find_all() -> LssSteps[list[Identity]]:
         is_complete = yield from _is_complete(found, doubtful)
     yield from switch(standard.LssState.WAITING)
     if not is_complete and len(found) < len(NODE_IDS):
-        raise RemoteError(_left_words(sorted(found)))
+        others = f"besides {', '.join(map(str, sorted(found)))} " if found else ""
+        what = "a device without a node-ID answers, but no identity that it confirms was found: answers are lost"
+        raise RemoteError(f"{others}{what}")
     return sorted(found)
-
-
-def _left_words(found: Sequence[Identity]) -> str:
-    others = f"besides {', '.join(map(str, found))} " if found else ""
-    return f"{others}a device without a node-ID answers, but no identity that it confirms was found: answers are lost"
 
 
 def _is_confirmed(identity: Identity) -> LssSteps[bool]:

@@ -290,7 +290,9 @@ class AxisStop:
         if self.done or now < self.next:
             return []
         if self._last is not None:  # without an answer so far: other requests come first
-            self._put_back(self._last)
+            if self._last.index != cia402.CONTROLWORD:
+                self._open.append(self._last)
+            self._last = None
         if now < self._again:
             frames = self._go_on()
             self.next = min(self._again, now + ANSWER) if frames else self._again
@@ -376,11 +378,6 @@ class AxisStop:
     def _ask(self, request: AxisRequest) -> None:
         self._last = request
         self._asked = [*self._asked[-MOST_ASKED:], request]
-
-    def _put_back(self, request: AxisRequest) -> None:
-        self._last = None
-        if request.index != cia402.CONTROLWORD:
-            self._open.append(request)
 
     @property
     def _unwritten(self) -> bool:

@@ -116,12 +116,8 @@ class ObjectAtNode:
     def __iter__(self) -> Iterator[Self]:
         return (type(self)(self._node, [each], self._wrote) for each in self._variables)
 
-    def _physical(self, raw: Value) -> Any:
-        """Return the physical value of a raw value."""
-        return objects.physical(self.od, raw)
-
     def _typed(self, data: bytes, kind: Any) -> Any:
-        value = self._physical(decode(self.od, data))
+        value = objects.physical(self.od, decode(self.od, data))
         return value if kind is None else typed(value, kind, str(self))
 
     def _bytes_of(self, value: Any) -> bytes:

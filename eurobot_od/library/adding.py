@@ -47,13 +47,11 @@ class AddedFile(NamedTuple):
         yield f"{self.target}: {numbers} {title}".rstrip() + f"{''.join(f', {each}' for each in self.found)}"
         if not entry.is_identified:
             yield f"{self.target}: it says neither vendor-ID nor product code (0x1018), so no device is known by it"
-        same = [each.path.name for each in library.entries if _is_of(each, entry) and each.path != self.target]
+            return
+        product = [each.path for each in library.entries if each.identity[:2] == entry.identity[:2]]
+        same = [each.name for each in product if each != self.target]
         if same:
             yield f"{self.target}: also of this product: {', '.join(same)}"
-
-
-def _is_of(one: LibraryEntry, other: LibraryEntry) -> bool:
-    return other.is_identified and one.identity[:2] == other.identity[:2]
 
 
 def checked(file: Path, folder: Path, fix: bool, replace: bool) -> AddedFile:

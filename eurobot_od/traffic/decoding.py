@@ -441,7 +441,10 @@ class TrackingDecoder:
             self._confirm(channel, end.server, said, (self._request_lines.get(key) or line) if line else time)
         else:
             self._request_lines[key] = line
-            self._leave(channel, said.ended)
+            ended = said.ended
+            if ended and ended.end and ended.address and not ended.is_upload and ended.address[0] in SHOWN:
+                # Whether the device accepted an abandoned write is unknown.
+                self._news(channel, self._in_force(channel).forget(ended.end.server, ended.address))
             if is_setting:
                 self._news(channel, self._in_force(channel).ask(end.server, Initiate.of(meaning.raw.data).address))
         if not any(said):
@@ -452,11 +455,6 @@ class TrackingDecoder:
         if said.text and not said.ended:
             meaning = meaning._replace(service=None)
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
-
-    def _leave(self, channel: str, ended: SdoTransfer | None) -> None:
-        """Process an abandoned write: whether the device accepted it is unknown."""
-        if ended and ended.end and ended.address and not ended.is_upload and ended.address[0] in SHOWN:
-            self._news(channel, self._in_force(channel).forget(ended.end.server, ended.address))
 
     def _confirm(self, channel: str, server: int, said: Said, place: int | float) -> None:
         """Process what an answer shows; a write (at a line or a time in s) counts once it is confirmed."""

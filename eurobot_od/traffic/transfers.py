@@ -266,7 +266,10 @@ class Transfers:
         command = end.command(data)
         step = STEPS[end.is_answer].get(command_of(end.is_answer, data))
         if command and command.names_object and not end.is_answer:
-            return self._begin(key, Running.begun(end, command.direction, time, data))
+            # An unfinished transfer was abandoned, or its end is not in the log.
+            abandoned = self._give_up(key, time)
+            self._running[key] = Running.begun(end, command.direction, time, data)
+            return abandoned
         running = self._running.get(key)
         if command_of(end.is_answer, data) == (ServerCommand.DOWNLOAD, 0) and end.is_answer:
             address = Initiate.of(data).address
@@ -296,12 +299,6 @@ class Transfers:
         taken = {number: before[1:]}
         self._running[key] = Running(end, None, end.is_answer, time, How.BLOCKS, in_block=True, taken=taken)
         return self._running[key]
-
-    def _begin(self, key: tuple[str, int], running: Running) -> Said:
-        """Start a transfer; an unfinished one was abandoned, or its end is not in the log."""
-        said = self._give_up(key, running.began)
-        self._running[key] = running
-        return said
 
     def _give_up(self, key: tuple[str, int], time: float) -> Said:
         """End the running transfer of a channel, if any, without its end."""

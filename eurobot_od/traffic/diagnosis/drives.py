@@ -217,7 +217,8 @@ class DriveWatcher(Watcher):
         cob_id, data = meaning.raw
         if self._data.get(cob_id) == data:
             for axis in dict.fromkeys(each.axis for each in words):
-                self._again(time, axis)
+                if axis.wanted or axis.lasting or axis.fault:
+                    self._judge(time, axis)
             return
         self._data[cob_id] = data
         number = int.from_bytes(data, "little")
@@ -303,11 +304,6 @@ class DriveWatcher(Watcher):
             axis.fault.codes.setdefault(value)
         elif index == cia402.MODE_DISPLAY:
             self._mode(time, axis)
-
-    def _again(self, time: float, axis: ObservedAxis) -> None:
-        """Process a repeated value."""
-        if axis.wanted or axis.lasting or axis.fault:
-            self._judge(time, axis)
 
     def _status(self, time: float, axis: ObservedAxis, word: int) -> None:
         state = State.of(word)

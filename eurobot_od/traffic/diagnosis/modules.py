@@ -79,9 +79,6 @@ class ModuleWatcher(Watcher):
         return partial(self._message, inputs) if inputs else None
 
     def take(self, time: float, meaning: Meaning) -> None:
-        self._transfer(meaning)
-
-    def _transfer(self, meaning: Meaning) -> None:
         ended = meaning.transfer
         if ended and ended.end and ended.address and ended.address in ENABLES and ended.content is not None:
             self._enabled[ended.end.server, ended.address] = any(ended.content)

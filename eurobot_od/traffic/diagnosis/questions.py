@@ -176,7 +176,9 @@ class Questions:
             self._own(time, question, end, data)
             return
         if question and end.channel == question.request:
-            self._give_way(question)
+            # Another client's transfer has interrupted the question, which is postponed.
+            self._open = None
+            self._waiting[question.node.node_id] = question.node, question.objects, question.address
         is_over = meaning.transfer is not None and meaning.transfer.is_whole
         if is_over or data[0] == wire.ABORT:
             self._others.pop(end.channel, None)
@@ -193,11 +195,6 @@ class Questions:
     def _send(self, question: OpenQuestion, requests: list[bytes]) -> None:
         question.add(requests)
         self._to_send += (Frame(question.request, each) for each in requests)
-
-    def _give_way(self, question: OpenQuestion) -> None:
-        """Postpone a question that another client's transfer has interrupted."""
-        self._open = None
-        self._waiting[question.node.node_id] = question.node, question.objects, question.address
 
     def _finish(self, question: OpenQuestion) -> None:
         """Process the end of a question, if it is done."""
