@@ -17,7 +17,7 @@ from typing import Any
 
 from eurobot_od.errors import LocalError, look_up
 from eurobot_od.pdo.kinds import Message, kinds
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.entries import Batch, LogEntry, Raw
 from eurobot_od.traffic.formats.index import Key, Keys, LogIndex, key_of
@@ -56,7 +56,7 @@ class LongLog:
         self._rows: dict[Key, MonitorRow] = {}
         self._watched: set[Key] = set()
         self._overview = self._columns(start=0.0)
-        self._following = Following(decoder)
+        self._following = TrackingDecoder(decoder)
         self._decoders: list[tuple[int, str, Decoder]] = []
         """Which decoder a channel has from a place on."""
         self._is_ended = False
@@ -152,10 +152,10 @@ class LongLog:
         """Return the place with the entry of a number, or the nearest one."""
         return max(bisect_right(self.index.places, number, key=lambda each: each.number) - 1, 0)
 
-    def _followings(self, first: int) -> defaultdict[str, Following]:
+    def _followings(self, first: int) -> defaultdict[str, TrackingDecoder]:
         """Return the decoder of each channel from a place on."""
-        found = defaultdict[str, Following](lambda: Following(self._decoder))
-        found.update({channel: Following(decoder) for place, channel, decoder in self._decoders if place <= first})
+        found = defaultdict[str, TrackingDecoder](lambda: TrackingDecoder(self._decoder))
+        found.update({channel: TrackingDecoder(decoder) for place, channel, decoder in self._decoders if place <= first})
         return found
 
     def _entries(self, first: int, last: int | None, keys: Keys | None = None) -> Iterator[tuple[int, LogEntry]]:

@@ -14,7 +14,7 @@ import pytest
 
 from eurobot_od.errors import LocalError
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.formats import lines
 from eurobot_od.traffic.formats.index import LogIndex
@@ -72,7 +72,7 @@ def log(tmp_path: Path) -> LongLog:
 @pytest.fixture
 def whole(tmp_path: Path) -> dict[str, Any]:
     """What the page has of the same log if it is a short one."""
-    columns, following = Columns("minute.log", DECODER, 500_000), Following(DECODER)
+    columns, following = Columns("minute.log", DECODER, 500_000), TrackingDecoder(DECODER)
     with log_of(tmp_path).open("rb") as file:
         for _, time, channel, raw in formats.read(file):
             columns.take(time, following(time, channel, raw))
