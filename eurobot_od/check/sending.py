@@ -149,7 +149,7 @@ def _row(protocol: Protocol, written: WrittenRow) -> SendRow:
 
 
 def _refuse_circle(rows: Sequence[SendRow], file: str | Path) -> None:
-    """Raise LocalError for rows that would set each other off for ever."""
+    """Check that rows do not trigger each other for ever; raises LocalError."""
     sets_off = {
         number: {
             other
