@@ -155,7 +155,9 @@ class LongLog:
     def _followings(self, first: int) -> defaultdict[str, TrackingDecoder]:
         """Return the decoder of each channel from a place on."""
         found = defaultdict[str, TrackingDecoder](lambda: TrackingDecoder(self._decoder))
-        found.update({channel: TrackingDecoder(decoder) for place, channel, decoder in self._decoders if place <= first})
+        found.update(
+            {channel: TrackingDecoder(decoder) for place, channel, decoder in self._decoders if place <= first}
+        )
         return found
 
     def _entries(self, first: int, last: int | None, keys: Keys | None = None) -> Iterator[tuple[int, LogEntry]]:
