@@ -38,7 +38,7 @@ ROOT_TEXTS = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
 TABLE = Path(__file__).with_name("broken.yaml")
 COPIED = ("eurobot_od", "eds", "tests", "tools", "docs", "pyproject.toml", *ROOT_TEXTS)
 LONGEST = 90
-"""Seconds for one test; a change that makes it take longer counts as noticed."""
+"""Longest time for one test, in s; a change that makes it take longer counts as noticed."""
 
 PYTEST = ("-m", "pytest", "-x", "-q", "-p", "no:cacheprovider")
 PASSED, FAILED = 0, 1

@@ -50,13 +50,13 @@ PERIODS = (5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000)
 """Periods of random messages, in us, before they are stretched to the wanted load."""
 
 STEP = 1e-8
-"""Seconds between two messages that fall due one after the other at a critical instant: far less than a bit time."""
+"""Time between two messages that fall due at a critical instant, in s: far less than a bit time."""
 
 ROUNDING = 1e-3
 """Bit times that simulated times may be off, since they are binary fractions of a second."""
 
 PAUSE = 0.01
-"""Seconds of an idle bus before a critical instant."""
+"""Time of an idle bus before a critical instant, in s."""
 
 EDS = b"[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"
 """The smallest EDS of a device."""

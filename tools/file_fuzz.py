@@ -40,7 +40,7 @@ FINE, WRONG = 0, 1
 EDS = dialects.eds_folder()
 SUITES = Path(cli.__file__).parents[1] / "robot" / "check" / "suites"
 LIMIT = 10.0
-"""Seconds that all commands together may take for one input."""
+"""Longest time for all commands on one input, in s."""
 
 GROWTH = 200 * 1024
 """KiB by which one input may raise the peak memory of the process."""

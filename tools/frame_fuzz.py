@@ -48,10 +48,10 @@ FRAMES = 20_000
 """Frames of a trial."""
 
 PERIOD = 0.0005
-"""Seconds between two of them."""
+"""Time between two frames, in s."""
 
 PAUSE = 2.0
-"""Seconds between two resets, in which a robot comes to a stop."""
+"""Time between two resets, in which a robot comes to a stop, in s."""
 
 RESET = Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 0]))
 

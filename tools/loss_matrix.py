@@ -79,27 +79,27 @@ UNDATED = ("Navi Position Request", "Navi Position Response")
 """Positions without a time: if all of them are late, the drive cannot know."""
 
 DURATION = 20.0
-"""Seconds of a match: enough for several gotos and stops."""
+"""Length of a match, in s: enough for several gotos and stops."""
 
 MUSHROOM = "Emergency Shutdown"
 MUSHROOM_AT = 12.0
 """When the message that only an emergency sends is expected, in seconds of the match."""
 
 BEGIN = 2.3
-"""Seconds from power-on to the beginning of a match."""
+"""Time from power-on to the beginning of a match, in s."""
 
 BOOTING = 0.4
-"""Seconds that a node takes to boot."""
+"""Time for a node to boot, in s."""
 
 FROZEN = 5.0
 OFF = 1.0
-"""Seconds for which a node hangs, and for which the bus is off."""
+"""How long a node hangs, and how long the bus is off, in s."""
 
 TIMES = 10
 """At how many moments of a match the same fault is tried."""
 
 AFTERWARDS = 12.0
-"""Seconds after the match in which everything has to end: a node check alone waits for 10 s."""
+"""Time after the match in which everything has to end, in s: a node check alone waits for 10 s."""
 
 NEVER = 1 << 30
 
@@ -158,7 +158,7 @@ NAVIGATION_DIES = 1.0
 """When the navigation dies, or stops answering, in seconds of the match."""
 
 AT_ONCE, LATER = 0.05, 2.0
-"""Seconds after which the plan goes on behind a goto that has not arrived."""
+"""Pauses of the plan after a goto that has not arrived, in s."""
 
 
 class Cell(NamedTuple):

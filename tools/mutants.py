@@ -36,7 +36,7 @@ ALL_NOTICED, SURVIVORS, WRONG_USAGE = 0, 1, 2
 
 COPIED = ("eurobot_od", "eds", "tests", "tools", "docs", "pyproject.toml", "README.md", "CONTRIBUTING.md")
 LONGEST, SLOWER = 60, 5
-"""Seconds for the tests of one change, and how many times longer than without it they may take: whatever takes longer
+"""Time for the tests of one change in s, and how many times longer than without it they may take: whatever takes longer
 than both was noticed. On a busy machine the seconds alone would call what was never tried noticed."""
 
 TOGETHER = ("eurobot_od/lint", "eurobot_od/device/profiles")

@@ -21,7 +21,7 @@ server.serve_forever()
 
 
 PATIENCE = 60.0
-"""Seconds that a program may take to end."""
+"""Longest time for a program to end, in s."""
 
 
 class Program:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 SILENCE = 5.0
-"""Seconds of silence after which any server has ended a transfer."""
+"""Silence after which any server has ended a transfer, in s."""
 
 
 class Fault(AssertionError):

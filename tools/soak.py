@@ -86,7 +86,7 @@ PATIENCE = 60.0
 STOP, ASK_PLACE, PLACE = (PROTOCOL.cob_id(each) for each in (StopDrive, KalmanPositionRequest, KalmanPositionResponse))
 
 STILL = 0.1
-"""Seconds for which a place stays the same when the drive stands; it needs a third of that for a millimetre."""
+"""How long a place stays the same when the drive stands, in s; it needs a third of that for a millimetre."""
 
 FOREIGN = 2000
 """Frames a second of a stranger while the drive is stopped."""
@@ -108,16 +108,16 @@ with can.Bus(interface=sys.argv[1], channel=sys.argv[2]) as bus:
 """A program of a stranger, with python-can alone: it sends frames of 11 and of 29 bits alternately."""
 
 PERIOD = 0.05
-"""Seconds between two numbered frames."""
+"""Time between two numbered frames, in s."""
 
 FLOOD, HOSTILE = 2000, 300
 """Frames of a flood, and of a burst of hostile ones."""
 
 FROZEN = 3.0
-"""Seconds for which a node is frozen."""
+"""How long a node is frozen, in s."""
 
 SETTLED = 5.0
-"""Seconds after its first number from which on a process should not grow."""
+"""Time from its first number until a process should not grow any more, in s."""
 
 MARGIN = 1.0
 """Seconds before and after a gap in which its frames may be lost, too, by a server's queues and the printing of lines.
@@ -130,7 +130,7 @@ ARENA = 2048
 """KiB that a process may grow in any case, since the allocator takes memory in pieces."""
 
 CREDIT = NOTED_AGAIN + 1.0
-"""Seconds for which a counted loss explains missing numbers: with a full queue the next number comes later."""
+"""How long a counted loss explains missing numbers, in s: with a full queue the next number comes later."""
 
 SETTING = (0x2101, 1)
 """Navigation: Position deviation, UNSIGNED16, which is stored again and again."""
