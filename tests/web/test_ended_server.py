@@ -14,6 +14,7 @@ import aiohttp
 import pytest
 
 from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from tests.cli.processes import command, line, serve_bus
