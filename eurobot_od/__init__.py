@@ -33,7 +33,9 @@ def __getattr__(name: str) -> Any:
     if name == "__all__":
         return [each for each in _HOMES if each not in _EXTRAS]
     if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from eurobot_od.client.canopen_names import MISSING, missing
+
+        raise AttributeError(missing(f"module {__name__!r}", MISSING[__name__].get(name, ""), name))
     if name in _EXTRAS:
         from eurobot_od.support.extras import needed
 

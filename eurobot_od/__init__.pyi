@@ -1,8 +1,18 @@
 # What the package has, and from where: type checkers and editors read it, and `__init__.py` does.
 
+from canopen import ObjectDictionary as ObjectDictionary
+from canopen import ObjectDictionaryError as ObjectDictionaryError
+from canopen import export_od as export_od
+from canopen import import_od as import_od
+from canopen import objectdictionary as objectdictionary
+
 from eurobot_od.bus.live import Live as Live
 from eurobot_od.bus.live import open_bus as open_bus
 from eurobot_od.bus.simulated.network import Simulation as Simulation
+from eurobot_od.client.canopen_modules import emcy as emcy
+from eurobot_od.client.canopen_modules import lss as lss
+from eurobot_od.client.canopen_modules import nmt as nmt
+from eurobot_od.client.canopen_modules import profiles as profiles
 from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
 from eurobot_od.client.network import BaseNode402 as BaseNode402
 from eurobot_od.client.network import Network as Network

@@ -227,6 +227,7 @@ def test_a_page_runs_as_it_stands(page: str, shell: Shell, capsys: pytest.Captur
     names: dict[str, object] = {"__name__": page}
     for block in BLOCKS[page]:
         if block.title:
+            Path(block.title).parent.mkdir(parents=True, exist_ok=True)
             Path(block.title).write_text(block.text, encoding="utf-8")
         elif block.runs and block.language == "python":
             capsys.readouterr()
@@ -238,6 +239,24 @@ def test_a_page_runs_as_it_stands(page: str, shell: Shell, capsys: pytest.Captur
                 status, lines = shell.run(line)
                 assert status in wanted, (line, lines[-8:])
                 assert not printed or agrees(printed, lines), (line, lines[:40])
+
+
+WORKFLOW = ".github/workflows/device.yml"
+
+
+@pytest.mark.parametrize("page", ["docs/checks.md"])
+def test_the_commands_of_a_page_s_workflow_are_green(page: str, shell: Shell) -> None:
+    files = {each.title: each.text for each in BLOCKS[page] if each.title}
+    for name in ("motor-values.yaml",):
+        Path(name).write_text(files[name], encoding="utf-8")
+    lines = re.findall(r"- run: (canopen-workbench .*)", files[WORKFLOW])
+    assert [(line, shell.run(line)[0]) for line in lines] == [(line, 0) for line in lines]
+    assert len(lines) == 3
+
+
+def test_the_names_that_a_class_of_ours_has_are_listed() -> None:
+    listed = PAGES["docs/python.md"].partition("These names are ours.")[2].partition("###")[0]
+    assert set(re.findall(r"`(\w+)`", listed)) == {name for name in dir(SimulatedDevice) if name[0] != "_"}
 
 
 def test_every_page_is_listed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from importlib import import_module
 
@@ -87,4 +88,12 @@ def test_a_bus_of_a_test_is_of_that_test_alone(pytester: pytest.Pytester, monkey
                 assert foreign.recv(0) is None
         """
     )
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+
+
+def test_the_fixture_of_the_page_runs_with_the_file_beside_it(pytester: pytest.Pytester) -> None:
+    page = (MOTOR.parent / "checks.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^def test_the_motor.*?^```", page, re.MULTILINE | re.DOTALL)[0].removesuffix("```")
+    shutil.copy(MOTOR, pytester.path)
+    pytester.makepyfile(shown)
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)

@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -33,6 +34,9 @@ WITHOUT_VENV = (
 
 UNREACHABLE = re.compile(r"NewConnectionError|ConnectTimeout|NameResolutionError|ProxyError|SSLError")
 """Texts in pip's output when it reaches no package index."""
+
+STEPS = ("Collecting", "  Downloading", "Building", "Installing", "Successfully")
+"""How lines of pip begin that say how far it is."""
 
 ENSURED = "EUROBOT_OD_ENSURED"
 """Environment variable with the module for which a script was restarted; if that is still missing, the script ends."""
@@ -86,19 +90,33 @@ def is_current(stamp: Path) -> bool:
 
 
 def _install(extras: str) -> None:
-    print(f"setting up {FOLDER.name} (once; takes up to a minute) ...", file=sys.stderr, flush=True)
+    print(f"setting up {FOLDER.name}, once: what pip does follows ...", file=sys.stderr, flush=True)
     if not PYTHON.is_file() or (FOLDER / UNFINISHED).exists():
         _create()
     target = f"{ROOT}[{extras}]" if extras else str(ROOT)
-    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *locked()]
+    command = [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off", *locked()]
     command += ["--editable", target]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    result = _told(command)
     if "No module named pip" in result.stderr:
         sys.exit(f"{FOLDER} has no pip; remove it and try again")
     if result.returncode and UNREACHABLE.search(result.stderr):
         sys.exit(f"pip reaches no package index, which it needs once to fill {FOLDER.name}: connect, and try again")
     if result.returncode:
         sys.exit(f"pip could not install what is needed:\n{result.stderr.strip()}")
+
+
+def _told(command: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run pip, and say each step as it comes, to standard error; return its end with what it complains of."""
+    with (
+        tempfile.TemporaryFile("w+") as complaints,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True) as pip,
+    ):
+        for line in pip.stdout or ():
+            if line.startswith(STEPS):
+                print(f"  {line.rstrip()}", file=sys.stderr, flush=True)
+        status = pip.wait()
+        complaints.seek(0)
+        return subprocess.CompletedProcess(command, status, "", complaints.read())
 
 
 def _create() -> None:

@@ -25,6 +25,7 @@ import lint_mutants  # noqa: E402
 from eurobot_od.check.conformance import page  # noqa: E402
 from eurobot_od.check.conformance.clauses import Tier  # noqa: E402
 from eurobot_od.check.conformance.page import DeviceRun  # noqa: E402
+from eurobot_od.client.canopen_names import MISSING  # noqa: E402
 from eurobot_od.device.faults import FAULTS  # noqa: E402
 from eurobot_od.device.simulated import SimulatedDevice  # noqa: E402
 from eurobot_od.export.forms import docs_text  # noqa: E402
@@ -33,7 +34,7 @@ from eurobot_od.od.dictionary import Dictionary  # noqa: E402
 from eurobot_od.robot import dialects  # noqa: E402
 from eurobot_od.robot.check.diagnosis import EurobotRule  # noqa: E402
 from eurobot_od.robot.protocol import EurobotProtocol  # noqa: E402
-from eurobot_od.sdo.wire import Reason, code_and_reason  # noqa: E402
+from eurobot_od.sdo.wire import REMEDIES, Reason, code_and_reason  # noqa: E402
 from eurobot_od.traffic.diagnosis.incidents import IncidentRule  # noqa: E402
 from eurobot_od.traffic.diagnosis.rules import BusRule  # noqa: E402
 from tests.kit.devices import IO_MODULE, NODE_ID, results, suites_of  # noqa: E402
@@ -66,12 +67,47 @@ the line that sends it: `grep -rn Reason.PDO_VALID eurobot_od/`.
 |---|---|---|---|
 """
 
+REMEDIES_HEAD = """
+## What to do
+
+By the code, whatever device sent it. A command that is refused ends with this, and in Python a NodeRefused has it as a
+note.
+
+| code | what to do |
+|---|---|
+"""
+
 
 def aborts() -> str:
     """Return the page of all aborts, sorted by code."""
     rows = sorted(Reason, key=lambda each: each.code)  # stable: reasons with one code keep the order of the table
     lines = (f"| {code_and_reason(each.code)} | {each.when} | {each.clause} | `{each.name}` |" for each in rows)
-    return ABORTS_HEAD + "".join(f"{line}\n" for line in lines)
+    remedies = (f"| {code_and_reason(code)} | {remedy} |" for code, remedy in REMEDIES.items())
+    return "".join([ABORTS_HEAD, *(f"{line}\n" for line in lines), REMEDIES_HEAD, *(f"{each}\n" for each in remedies)])
+
+
+# docs/canopen.md
+
+CANOPEN_PAGE = ROOT / "docs" / "canopen.md"
+
+NAMES_HEAD = """## Names that our classes do not have
+
+Of canopen 2.4, with `import eurobot_od as canopen`. An AttributeError for such a name ends with what the table says;
+made from `eurobot_od/client/canopen_names.py` by `tools/make_pages.py`.
+
+| of | canopen's name | use instead |
+|---|---|---|
+"""
+
+
+def canopen_names() -> str:
+    """Return the page about the canopen package with its last section, the names that are missing, made anew."""
+    by_remedy: dict[tuple[str, str], list[str]] = {}
+    for kind, names in MISSING.items():
+        for name, remedy in names.items():
+            by_remedy.setdefault((kind, remedy), []).append(f"`{name}`")
+    lines = (f"| `{kind}` | {', '.join(names)} | {remedy} |\n" for (kind, remedy), names in by_remedy.items())
+    return CANOPEN_PAGE.read_text("utf-8").partition(NAMES_HEAD.splitlines()[0])[0] + NAMES_HEAD + "".join(lines)
 
 
 # docs/diagnosis-rules.md
@@ -177,6 +213,7 @@ def conformance_report() -> str:
 MADE: Mapping[Path, Callable[[], str]] = {
     ROOT / "docs" / "messages.md": messages,
     ROOT / "docs" / "aborts.md": aborts,
+    CANOPEN_PAGE: canopen_names,
     ROOT / "docs" / "diagnosis-rules.md": diagnosis_rules,
     REPORT: conformance_report,
     lint_mutants.OUTPUT: lint_mutants.page,

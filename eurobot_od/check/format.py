@@ -37,6 +37,7 @@ class Format:
         self._actions = {key: make(document) for key, make in {**ACTIONS, **words.networks.actions}.items()}
         answer = yaml_shapes.named({"yes": True, "no": False}, "answer")
         self._common = {"name": Key(TEXT), "repeat": Key(COUNT), "needed": Key(answer), "undo": Key(answer)}
+        self._common["above"] = Key(TEXT)
         self._steps: dict[str, Shape[dict[str, Any]]] = {
             key: yaml_shapes.record(dict, {key: Key(row.shape), **row.extra, **self._common})
             for key, row in self._actions.items()
@@ -84,7 +85,7 @@ class Format:
         given = self._steps[key].read(node, problems)
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
         name = str(given.get("name", action))
-        common = {key: given[key] for key in ("repeat", "needed", "undo") if key in given}
+        common = {key: given[key] for key in ("repeat", "needed", "undo", "above") if key in given}
         step = suite.Step(name, place_of(node.start_mark), action, **common)
         # Each `repeat` has a maximum, but repetitions of nested groups multiply.
         if step.total > MAX_COUNT:

@@ -192,6 +192,18 @@ def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
             yield one_line(f"{result.file.stem}: NOT FINISHED: {result.name}: ended by '{result.ended}', which is red")
 
 
+ONLY_WITH = "only with "
+"""How the reason begins why a step is skipped that an option would run; the option follows."""
+
+
+def further(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield a line for each option that runs steps which were skipped."""
+    steps = (step.reason.what for result in results for step in result.steps if step.reason)
+    options = Counter(what.removeprefix(ONLY_WITH) for what in steps if what.startswith(ONLY_WITH))
+    for option, count in options.items():
+        yield f"{option} runs {amount(count, 'step')} more"
+
+
 SLOW = 1.0
 """Minimum wait for an answer that is reported, in s."""
 

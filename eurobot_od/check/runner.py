@@ -119,7 +119,8 @@ class RunOptions:
 
     `keep_going`: do the next steps after a failed one. `chosen`: which steps to do, by name; the steps before them are
     done, too, as they may be needed, unless all are `independent`. `interrupt` may end the suite. `show` is called with
-    each result. `reported` holds the findings that are reported once per node, for all suites of a run.
+    each result. `reported` holds the findings that are reported once per node, for all suites of a run. Steps above the
+    `level` are skipped.
     """
 
     keep_going: bool = False
@@ -128,6 +129,7 @@ class RunOptions:
     interrupt: Interrupt = field(default_factory=Interrupt)
     show: Callable[[StepResult], None] = lambda _: None
     reported: set[Report] = field(default_factory=set)
+    level: str = ""
 
 
 class Runner:
@@ -190,8 +192,10 @@ class Runner:
 
     async def _section(self, section: SuitePart, steps: Sequence[Step], keep_going: bool) -> None:
         for step in steps:
-            if self._stopped:
+            is_above = bool(step.above) and step.above == self._options.level
+            if self._stopped or is_above:
                 why = StepReason(f"'{self._ended_by}' is red, and ends the suite") if self._ended_by else None
+                why = StepReason(f"it is above the level {step.above}") if is_above else why
                 now = self._since_start
                 self._add(StepResult(section, step.name, step.place, Status.SKIPPED, now, 0.0, why))
             else:
@@ -200,7 +204,8 @@ class Runner:
     async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> StepReason | None:
         """Do a step and add its result; return why the steps that build on it are skipped, None if they are not."""
         if isinstance(step.action, Group):
-            return await self._group(section, step, step.action, keep_going, name)
+            goes_on = keep_going if step.needed is None else not step.needed
+            return await self._group(section, step, step.action, goes_on, name)
         started = self._since_start
         status, reason = Status.INTERRUPTED, None
         try:

@@ -52,12 +52,19 @@ class SuiteRunner(Protocol):
 
 
 def run_options(
-    *, keep_going: bool, is_made: bool, steps: Sequence[str], interrupt: Interrupt, reported: set[Report], show: Show
+    *,
+    keep_going: bool,
+    is_made: bool,
+    steps: Sequence[str],
+    interrupt: Interrupt,
+    reported: set[Report],
+    show: Show,
+    level: str = "",
 ) -> RunOptions:
     """Return the options of a run."""
     from eurobot_od.check.runner import RunOptions  # here, as listing suites does not need it
 
-    return RunOptions(keep_going or is_made, partial(is_chosen, steps), is_made, interrupt, show, reported)
+    return RunOptions(keep_going or is_made, partial(is_chosen, steps), is_made, interrupt, show, reported, level)
 
 
 @dataclass(frozen=True)
@@ -97,6 +104,15 @@ class OnBus:
 def is_chosen(texts: Sequence[str], name: str) -> bool:
     """Return whether a step's name contains one of some texts; without texts all are chosen."""
     return not texts or any(text.lower() in name.lower() for text in texts)
+
+
+def above(suites: Iterable[Suite], level: str) -> list[str]:
+    """Return the names of the steps above a level; raises LocalError if there are none."""
+    steps = [step for suite in suites for step in suite.steps if step.above]
+    levels = sorted({step.above for step in steps})
+    if level not in levels:
+        raise LocalError(f"no step is above a level {level}; levels: {', '.join(levels) or 'none'}")
+    return [step.name for step in steps if step.above == level]
 
 
 def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:

@@ -299,7 +299,7 @@ class Step(NamedTuple):
     """One step: its name and place, its action, how often it is done, and whether the suite ends if it fails.
 
     If `needed` is None, that depends on the part of the suite. An `undo` step puts back what its group has changed, and
-    is always done.
+    is always done. A step `above` a level is skipped at that level.
     """
 
     name: str
@@ -308,6 +308,7 @@ class Step(NamedTuple):
     repeat: int = 1
     needed: bool | None = None
     undo: bool = False
+    above: str = ""
 
     @property
     def total(self) -> int:

@@ -146,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # the file first, as in our own errors
-        complain(what)
+        complain("; ".join([what, *getattr(error, "__notes__", ())]))
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
 
 

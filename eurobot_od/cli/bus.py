@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolders, PackagePaths, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
@@ -30,7 +30,7 @@ from eurobot_od.library.library import Library
 from eurobot_od.loading import packages
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.identity import Identity
+from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.standard import LssState
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.plugin import Plugins
@@ -55,6 +55,8 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
         for each in known:
             master.follow(each)  # some devices answer at other COB-IDs
         found = scan_nodes(master, listen=listen)
+    if absent := absence((each.node_id for each in known), (each.node_id for each in found)):
+        complain(absent)
     files = {each.node_id: ScannedFile(each.file) for each in known} | _library_files(devices, known, found)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
@@ -95,7 +97,7 @@ def _library_files(devices: Devices, known: Iterable[Dictionary], found: Iterabl
     for each in found:
         if each.identity is None:
             continue
-        describe.check(each.node_id, each.identity, named.get(each.node_id))
+        describe.check(each.node_id, each.identity, named.get(each.node_id), each.device_type)
         fit = None if each.node_id in named else devices.known_library.find(each.identity, each.device_type)
         if fit is not None:
             fitting[each.node_id] = ScannedFile(fit.entry.path, [other.path for other in fit.others], fit.further)
@@ -122,18 +124,21 @@ def found_rows(
 # Boot
 
 
-def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: Access) -> ExitStatus:
+def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)] = "", *, access: Access) -> ExitStatus:
     """Start a network as CiA 302-2 says: each slave reset, checked, configured and heard, then all started.
 
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
     Exit status 1 if a slave does not boot: then none is started.
 
-    path: network file, or a folder of EDS and DCF files
+    path: network file, or a folder of EDS and DCF files (or --network)
 
     $ boot network.yaml -i socketcan -c can0
     """
     from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state  # with canopen
 
+    path = path or access.devices.network or ""
+    if not path:
+        raise LocalError("which network? Name its file: boot network.yaml")
     named = network.read_network(path)
     loaded = {each.node_id: each for each in replace(access.devices, network=path).load_and_complain()}
     # `load` sorts by node-ID; the standard starts slaves in the network's own order

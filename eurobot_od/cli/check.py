@@ -5,7 +5,8 @@ from __future__ import annotations
 import datetime
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,19 +14,22 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.report import StepResult, SuiteResult
-from eurobot_od.check.runs import chosen, listed, results_of, run_options
+from eurobot_od.check.runs import above, chosen, listed, results_of, run_options
 from eurobot_od.check.suite import Report, Suite
-from eurobot_od.cli import ExitStatus, version
+from eurobot_od.cli import ExitStatus, complain, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
 from eurobot_od.cli.options import BusOptions, Faults, FrameNames, Json, Output, whole, write
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
+from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.pdos import OnRefused
+from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
+from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:
     from eurobot_od.check.conformance.made import MadeSuites
@@ -96,7 +100,8 @@ class CheckReport:
             for each in checks.made.suites().device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
         else:
-            of_made = (*report.slowest(results), *report.not_run(results)) if checks.made.is_wanted else ()
+            told = report.slowest, report.not_run, report.further
+            of_made = [line for each in told for line in each(results)] if checks.made.is_wanted else []
             sys.stdout.writelines(
                 f"{line}\n"
                 for line in (*report.changed(results), *report.remarks(results), *of_made, *report.failures(results))
@@ -107,7 +112,9 @@ class CheckReport:
         if self.page is not None:
             from eurobot_od.check.conformance.page import text
 
-            made = f"{version()}, {datetime.date.today()}"
+            at = datetime.datetime.now(datetime.UTC).astimezone().isoformat(" ", "seconds")
+            where = "" if checks.simulate else f", on {checks.bus.words}"
+            made = f"{version()}, {at}{where}"
             write(self.page, text(self.page, checks.made.suites().device_runs(checks.devices.load(), results, made)))
 
 
@@ -146,14 +153,19 @@ def check(
     if list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
+    beyond = above(suites, checks.level) if checks.level else []
     if not checks.simulate:
         checks.bus.check_named()
+        checks = checks.as_spoken(suites, report)
+        checks.complain_of_strangers()
     from eurobot_od.check.runner import Interrupt  # here, as listing suites does not need it
 
     interrupt = Interrupt()
     with interrupt.by_ctrl_c():
         results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report)]
     report.give(checks, results)
+    if beyond and not report.as_json:
+        print(f"at level {checks.level}, {amount(len(beyond), 'step')} not asked: {'; '.join(beyond)}")
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
     if any(result.error for result in results):
@@ -237,6 +249,7 @@ class Checks:
     tag: run the suites with this tag
     step: run the steps whose names contain this, and those before them
     keep_going: go on with the next step after a failed one
+    level: leave out the steps that ask for more than this, such as 2014 for what the robot of that year had
     """
 
     files: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = ()
@@ -248,6 +261,7 @@ class Checks:
     step: Annotated[Sequence[str], Option(metavar="TEXT")] = ()
     made: Made
     keep_going: bool = False
+    level: str = ""
     names: FrameNames
     devices: Devices
     bus: BusOptions
@@ -295,6 +309,56 @@ class Checks:
         """Return for reports how suites are run."""
         return f"simulated, seed {seed}" if self.simulate else "on the bus"
 
+    def as_spoken(self, suites: Sequence[Suite], report: CheckReport) -> Checks:
+        """Return the checks with the robot's dialect that the nodes on the bus speak, if suites are for several.
+
+        It is that whose files have the identity (0x1018) of a node, or else the default one. Raises BusError.
+        """
+        named = {suite.dialect for suite in suites if suite.dialect}
+        if len(named) < 2 or self.devices.dialect or self.devices.files():
+            return self
+        dialects = self.devices.robot.dialects
+        identities = {name: [Identity.of(each)[:3] for each in dialects.load_all(name)] for name in sorted(named)}
+        found = self._identity({each for suite in suites for each in suite.dictionaries.values()})
+        spoken = next((name for name, known in identities.items() if found and found[:3] in known), "")
+        dialect = spoken or dialects.folder().name
+        if not report.silent:
+            how = "as 0x1018 says" if spoken else "as no node says another one in 0x1018"
+            print(f"dialect {dialect}, {how}; --dialect names another one", flush=True)
+        return replace(self, devices=replace(self.devices, dialect=dialect))
+
+    def complain_of_strangers(self) -> None:
+        """Say which of the devices whose files are named is another one, or is not there while others are."""
+        from eurobot_od.client.description import read_numbers, scan
+        from eurobot_od.client.master import Master
+        from eurobot_od.library.library import identity_of
+
+        if not self.is_made:
+            return
+        known = {each.node_id: each for each in self.devices.load()}
+        describe, silent = self.devices.describer(()), False
+        with Master(self.bus.open()) as master:
+            for node_id, each in known.items():
+                master.follow(each)
+                try:
+                    numbers = read_numbers(master.node(node_id))
+                    describe.check(node_id, identity_of(numbers), each, numbers.get(DEVICE_TYPE))
+                except RemoteError:
+                    silent = True
+            if silent and (absent := absence(known, (each.node_id for each in scan(master)))):
+                complain(absent)
+
+    def _identity(self, dictionaries: Iterable[Dictionary]) -> Identity | None:
+        """Return the identity of the first node that answers, None if none does."""
+        from eurobot_od.client.description import read_identity
+        from eurobot_od.client.master import Master
+
+        with Master(self.bus.open()) as master:
+            for node_id in sorted({each.node_id for each in dictionaries}):
+                with suppress(RemoteError):
+                    return read_identity(master.node(node_id))
+        return None
+
     def skips(self, suite: Suite) -> str:
         """Return why a suite is skipped; empty if it is run."""
         if suite.world and not self.simulate and not self.shared_world:
@@ -321,6 +385,7 @@ class Checks:
             interrupt=interrupt,
             reported=reported,
             show=show,
+            level=self.level,
         )
         if self.simulate:
             return self.devices.plugins.simulate(suite, options, self.fault, seed, self.made.profile or 0)

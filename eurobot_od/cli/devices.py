@@ -26,6 +26,7 @@ from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.sdo_channels import SdoChannel, moved_server
+from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.pdo.in_force import Describe, nothing_known
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import NOTHING, Plugin, Plugins
@@ -531,7 +532,8 @@ class Target(Access):
         From then on its file decides on the COB-IDs of its SDO server. If the node's identity is not that of the file,
         this is reported.
         """
-        from eurobot_od.client.description import read_identity
+        from eurobot_od.client.description import read_numbers
+        from eurobot_od.library.library import identity_of
 
         files = self.devices.files()
         named = files[: len(self.devices.eds)]
@@ -544,7 +546,8 @@ class Target(Access):
         complain_of_repairs([dictionary])
         node.master.follow(dictionary)
         with suppress(RemoteError):  # if the node does not answer, the command reports that
-            self.devices.describer(()).check(node.node_id, read_identity(node), dictionary)
+            numbers = read_numbers(node)
+            self.devices.describer(()).check(node.node_id, identity_of(numbers), dictionary, numbers.get(DEVICE_TYPE))
         return dictionary
 
     def needed_description(self, node: RemoteNode) -> Dictionary:

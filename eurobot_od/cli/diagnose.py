@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
+from datetime import UTC, datetime, timedelta
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, version
@@ -18,6 +19,8 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.support import texts
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.diagnosis import Diagnosis
@@ -75,7 +78,7 @@ def diagnose(
     form = form_of(report) if report else ""  # raises for an unknown suffix before the log is read
     decoder = decoder_for(logs, reading, devices, names)
     diagnosis = Diagnosis(decoder, devices.watchers, bus.bitrate or BITRATE, devices.promised(decoder))
-    asking = _Asking(diagnosis) if ask else None
+    asking, began = _Asking(diagnosis) if ask else None, datetime.now(UTC).astimezone()
     if logs:
         _read(diagnosis, logs, reading)
     else:
@@ -86,8 +89,8 @@ def diagnose(
     data = {"verdict": said, "frames": diagnosis.frames, "incidents": [each.as_data() for each in found]}
     give(as_json, data, [said, *lines(found)], indent=None)
     if report:
-        title = ", ".join(Path(each).name for each in logs) or "a bus"
-        write(report, FORMS[form](list(blocks(title, said, found, diagnosis))))
+        run = ReportedRun(", ".join(Path(each).name for each in logs), bus.words, began, decoder.dictionaries)
+        write(report, FORMS[form](list(blocks(run, said, found, diagnosis))))
     reached = WORDS[WORDS.index(LEVELS[found[0].rule.severity]) : -1] if found else ()
     return ExitStatus.FOUND if fail_on in reached else ExitStatus.FINE
 
@@ -171,19 +174,53 @@ def _listen(
 # The page
 
 
-def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: Diagnosis) -> Iterator[DocBlock]:
-    """Yield the report: the verdict, a table of the incidents, and the details of each."""
-    yield DocHeading(1, f"Diagnosis of {title}")
+UNIX_TIME = 1e9
+"""From this number of seconds on (the year 2001) a log's time is Unix time."""
+
+
+class ReportedRun(NamedTuple):
+    """What a report is about: the names of its logs, or else a bus, when the run `began`, and who is who."""
+
+    logs: str
+    bus: str
+    began: datetime
+    nodes: Sequence[Dictionary]
+
+    def clock(self, time: float) -> str:
+        """Return the wall-clock time of a time in s on the bus; empty if a log does not tell."""
+        if self.logs and time < UNIX_TIME:
+            return ""
+        at = datetime.fromtimestamp(time, UTC).astimezone() if self.logs else self.began + timedelta(seconds=time)
+        return at.isoformat(" ", "milliseconds")
+
+    def facts(self, diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+        """Yield what somebody else has to know of the run."""
+        yield ("Logs", self.logs) if self.logs else ("Bus", self.bus)
+        yield "Begins", self.clock(diagnosis.first or 0.0) or "the log does not tell"
+        yield from (("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"))
+        yield from (("Reported", self.began.isoformat(" ", "seconds")), ("Made by", version()))
+
+    def row(self, incident: Incident, begin: float) -> tuple[str, ...]:
+        """Return the row of an incident in the table; `begin` is the time of the first frame in s."""
+        seen, first = incident.seen, incident.seen.places[0].time
+        level = LEVELS[incident.rule.severity]
+        return level, incident.title, str(seen.number), f"{max(first - begin, 0.0):.3f}", self.clock(first)
+
+
+def blocks(run: ReportedRun, verdict: str, incidents: Sequence[Incident], diagnosis: Diagnosis) -> Iterator[DocBlock]:
+    """Yield the report: the verdict, who is who, all incidents in a table, and each of them."""
+    yield DocHeading(1, f"Diagnosis of {run.logs or run.bus}")
     yield Paragraph(f"{verdict}.")
-    facts = [("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"), ("Made by", version())]
-    yield DocTable(("", ""), facts)
+    yield DocTable(("", ""), [*run.facts(diagnosis)])
+    if run.nodes:
+        yield DocHeading(2, "Who is who")
+        who = [(str(each.node_id), each.name, each.file.name, str(Identity.of(each))) for each in run.nodes]
+        yield DocTable(("Node-ID", "Name", "File", "Identity in the file (0x1018)"), who, ("Node-ID",))
     if incidents:
         yield DocHeading(2, "What was found")
-        rows = [
-            (LEVELS[each.rule.severity], each.title, str(each.seen.number), f"{each.seen.places[0].time:.3f}")
-            for each in incidents
-        ]
-        yield DocTable(("Level", "What", "Times", "First at, s"), rows, ("Times", "First at, s"), ("Level",))
+        rows = [run.row(each, diagnosis.first or 0.0) for each in incidents]
+        titles = "Level", "What", "Times", "First, s since the begin", "Clock"
+        yield DocTable(titles, rows, titles[2:4], ("Level", "Clock"))
     for each in incidents:
         yield DocHeading(3, f"{LEVELS[each.rule.severity].capitalize()}: {each.title}")
         yield DocTable(("", ""), each.facts)

@@ -129,6 +129,12 @@ class BusOptions:
     channel: Annotated[str | None, Option("-c")] = None
     bitrate: BitRate | None = None
 
+    @property
+    def words(self) -> str:
+        """The bus in words: interface, channel, bit rate as far as they are given."""
+        rate = f"at {self.bitrate} bit/s" if self.bitrate else ""
+        return " ".join(filter(None, [self.interface, self.channel, rate])) or "the bus that is configured"
+
     def check_named(self) -> None:
         """Check that a bus is named; raises LocalError with a clearer text than python-can's."""
         from eurobot_od.bus import live  # here, as importing it takes longer than a command for files

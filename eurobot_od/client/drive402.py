@@ -26,7 +26,7 @@ from eurobot_od.client.motion import (
     AxisStop,
     StopKind,
 )
-from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused
+from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import METHODS, DriveCommand, Mode, State
@@ -37,6 +37,9 @@ from eurobot_od.sdo.wire import AbortCode
 
 POLL = 0.01
 """Interval between two polls of a drive, in s."""
+
+STATES = {each.words.upper(): each for each in State} | {"DISABLE VOLTAGE": State.DISABLED}
+"""The states by the words of canopen, which also has a command among them."""
 
 ENABLE_WAIT = 2.0
 """Timeout of one state transition, in s; some drives switch a brake or charge a capacitor."""
@@ -194,13 +197,15 @@ class DriveAtNode:
         """
         await self._bring_to(State.ENABLED, within)
 
-    async def _bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
-        """Bring the drive to a state, each transition within `within` seconds; raises LocalError.
+    async def _bring_to(self, state: State | str, within: float = ENABLE_WAIT) -> None:
+        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError.
 
-        Operation enabled begins at rest, as `enable` says.
+        Operation enabled begins at rest, as `enable` says. A state may be given in words, such as `SWITCHED ON`; raises
+        UnknownName.
         """
-        what = ENABLE if state is State.ENABLED else state.words.lower()
-        halt = 0
+        if isinstance(state, str):
+            state = look_up("state of a drive", state.upper(), STATES)
+        what, halt = ENABLE if state is State.ENABLED else state.words.lower(), 0
         present = await self._state()
         if state is State.ENABLED and present not in (state, State.FAULT):
             halt = 0 if await self._rest() else cia402.HALT

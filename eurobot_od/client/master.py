@@ -33,9 +33,10 @@ from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtSta
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import absence
 from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.sdo import client as sdo
-from eurobot_od.sdo.wire import LARGEST, reason
+from eurobot_od.sdo.wire import LARGEST, REMEDIES, reason
 from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
@@ -310,6 +311,13 @@ class PeriodicTask:
         if hasattr(self._task, "on_error"):
             self._task.on_error = lambda _: False
 
+    def update(self, data: bytes) -> None:
+        """Send other data from now on, as canopen calls it."""
+        self.stop()
+        for message in self._messages:
+            message.data = bytearray(data)
+        self._start()
+
     def stop(self) -> None:
         """Stop sending; does nothing if it has ended."""
         if self._task is not None:
@@ -339,6 +347,13 @@ class RemoteNode:
 
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
+        self.own_wait: float | None = None
+        """Seconds that this node has for an answer, None for those that the master gives all nodes."""
+
+    @property
+    def answer_wait(self) -> float:
+        """Seconds that it has for an answer."""
+        return self.master.answer_wait if self.own_wait is None else self.own_wait
 
     @Procedure
     async def upload(
@@ -353,9 +368,8 @@ class RemoteNode:
 
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
-        master = self.master
         room = sdo.Room(most, min(most, unannounced, self.master.unannounced))
-        begin = partial(sdo.upload, address, master.answer_wait, progress, room)
+        begin = partial(sdo.upload, address, self.answer_wait, progress, room)
         first = begin()
         await self.run.steps(first)
         # A disturbed read is repeated: the server may have dropped our request for another client's.
@@ -365,7 +379,7 @@ class RemoteNode:
     async def upload_block(self, address: values.Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer, or by segments if the node has no block transfer."""
         room = sdo.Room(unannounced=self.master.unannounced)
-        by_blocks = sdo.block_upload(address, self.master.answer_wait, progress=progress, room=room)
+        by_blocks = sdo.block_upload(address, self.answer_wait, progress=progress, room=room)
         try:
             return await self._transfer("read", address, name, by_blocks)
         except errors.RemoteError:
@@ -385,8 +399,7 @@ class RemoteNode:
         Long contents go by block transfer, or by segments if the node does not take the first block, however it says
         so.
         """
-        answer_wait = wait or self.master.answer_wait
-        taken = [0]
+        answer_wait, taken = wait or self.answer_wait, [0]
         if len(data) > BLOCK_FROM:
 
             def noted(done: int, size: int | None) -> None:
@@ -456,6 +469,11 @@ class RemoteNode:
             awaited = f"boot-up of node {booting.node_id}"
             raise errors.NoAnswer(COMMAND_NAMES[command], awaited, 1, BOOT_WAIT, self.node_id)
 
+    @property
+    def _why_silent(self) -> str:
+        others = absence([self.node_id], self.master.states) if self.last_state is None else ""
+        return others or HINTS.get(self.last_state, ALIVE)
+
     async def _transfer(
         self, verb: str, address: values.Address, name: str, transfer: sdo.Transfer, sent: bytes = b""
     ) -> bytes:
@@ -471,11 +489,14 @@ class RemoteNode:
             SDO_LOG.info("node %d: %s: %s", self.node_id, request, error)
             where = errors.NamedObject(self.node_id, address, name)
             if isinstance(error, sdo.Aborted):
-                raise errors.NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
+                refused = errors.NodeRefused(self.node_id, request, error.code, reason(error.code), where)
+                if what_to_do := REMEDIES.get(error.code):
+                    refused.add_note(what_to_do)
+                raise refused from error
             if isinstance(error, sdo.Silence):
                 answer = f"answer from node {self.node_id}"
                 silent = errors.NoAnswer(request, answer, 1, transfer.wait, self.node_id, where)
-                silent.add_note(OTHERS.format(self.node_id) if error.skipped else HINTS.get(self.last_state, ALIVE))
+                silent.add_note(OTHERS.format(self.node_id) if error.skipped else self._why_silent)
                 raise silent from error
             raise errors.WrongAnswer(request, str(error), where) from error
 

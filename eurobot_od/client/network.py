@@ -12,6 +12,7 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -24,17 +25,19 @@ from eurobot_od.bus.live import open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
+from eurobot_od.client.canopen_names import NamedAsInCanopen
 from eurobot_od.client.description import LISTEN, Found, read_numbers, scan, uploaded
+from eurobot_od.client.drive402 import STATES
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs, times
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
 from eurobot_od.client.streams import EndlessIterator
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
-from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, canopen_state, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import DriveError, NoAnswer, NodeRefused, RemoteError, UnknownName, look_up
+from eurobot_od.errors import DriveError, LocalError, NoAnswer, NodeRefused, RemoteError, UnknownName, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, folders
 from eurobot_od.od import DEFAULT, cia402
@@ -42,7 +45,7 @@ from eurobot_od.od.cia402 import MODE_WORDS, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.network import NodeFile, load, read_network
-from eurobot_od.od.standard import LssState
+from eurobot_od.od.standard import BIT_RATES, LSS_IDENTITY, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
@@ -62,10 +65,10 @@ AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
 LSS_WAIT = lss.ANSWER_WAIT
 
 
-def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
-    """Open a bus by its interface, or share an open one; raises BusError, LocalError."""
+def _feed(bus: BusName, channel: Channel, bitrate: int | None, **options: Any) -> Feed:
+    """Open a bus by its interface, or share one that is open; raises BusError, LocalError."""
     if bus is None or isinstance(bus, str):
-        return OwnFeed(partial(open_bus, bus, channel, bitrate))
+        return OwnFeed(partial(open_bus, bus, channel, bitrate, **options))
     return feed_of(bus)
 
 
@@ -219,8 +222,8 @@ class NetworkOfDevices(Generic[AnyDevice]):
         return await scan.steps(self.master, node_ids, listen=listen)
 
 
-class NetworkSync:
-    """SYNC of a network: call it, or use `start` and `stop` as in canopen."""
+class NetworkSync(NamedAsInCanopen):
+    """The SYNC of a network: call it, or `start` and `stop` it as users of canopen do."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
         self._network = network
@@ -249,7 +252,19 @@ class NetworkSync:
         self._network.send(SYNC_COB_ID, b"" if count is None else bytes([count]))
 
 
-class NetworkNmt:
+class NetworkTime(NamedAsInCanopen):
+    """The TIME message of a network, as canopen has it."""
+
+    def __init__(self, network: NetworkOfDevices[Any]) -> None:
+        self._network = network
+
+    def transmit(self, timestamp: float | None = None) -> None:
+        """Send one TIME, of now or of a Unix time in seconds; raises BusError."""
+        at = datetime.now(UTC) if timestamp is None else datetime.fromtimestamp(timestamp, UTC)
+        self._network.send(*next(times(lambda: at.replace(tzinfo=None))))
+
+
+class NetworkNmt(NamedAsInCanopen):
     """NMT commands to all nodes of a network at once; they are not confirmed. Each raises BusError."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
@@ -267,7 +282,19 @@ class NetworkNmt:
     def _send_to(self, state: str) -> None:
         self.command(command_to(state))
 
-    state = property(fset=_send_to, doc="Set it to send the command to all nodes, as canopen does: `OPERATIONAL`.")
+    def _common_state(self) -> str:
+        states = {*self._network.master.states.values()}
+        return canopen_state(states.pop() if len(states) == 1 else None)
+
+    state = property(
+        _common_state,
+        _send_to,
+        doc="The state of all nodes that are heard, `UNKNOWN` if they differ; set it to send the command to all nodes.",
+    )
+
+    def send_command(self, code: int) -> None:
+        """Send a command by its number to all nodes."""
+        self.command(NmtCommand(code))
 
     def start(self) -> None:
         """Make all nodes OPERATIONAL."""
@@ -320,7 +347,7 @@ class LssOfNetwork:
             await lss.perform.steps(self._network.master, lss.switch(LssState.WAITING))
 
 
-class NetworkLss(LssOfNetwork):
+class NetworkLss(LssOfNetwork, NamedAsInCanopen):
     """Devices without a node-ID, by the layer setting services (CiA 305); every call takes 0.1 s for each answer."""
 
     find, assign = blocking(LssOfNetwork._find), blocking(LssOfNetwork._assign)
@@ -328,13 +355,19 @@ class NetworkLss(LssOfNetwork):
     # As canopen calls them: one service after the other, and devices stay in the state that they were switched to.
 
     WAITING_STATE, CONFIGURATION_STATE = LssState.WAITING, LssState.CONFIGURATION
+    NORMAL_MODE, CONFIGURATION_MODE = LssState.WAITING, LssState.CONFIGURATION
+
+    RESPONSE_TIMEOUT = LSS_WAIT
+    """Seconds that a device has for each answer."""
 
     def _one(self, steps: LssSteps[Result]) -> Result:
-        return lss.perform(self._network.master, steps)
+        return lss.perform(self._network.master, steps, self.RESPONSE_TIMEOUT)
 
     def send_switch_state_global(self, mode: int) -> None:
         """Switch all devices to `WAITING_STATE` or `CONFIGURATION_STATE`; they do not answer."""
         self._one(lss.switch(LssState(mode)))
+
+    send_switch_mode_global = send_switch_state_global
 
     def send_switch_state_selective(self, *identity: int) -> bool:
         """Switch the device with an identity (four numbers) to configuration state; return whether it exists."""
@@ -353,13 +386,31 @@ class NetworkLss(LssOfNetwork):
         """Set the node-ID of the device being configured; raises RemoteError if it refuses, NoAnswer."""
         self._one(lss.configure_node_id(new_node_id))
 
+    def inquire_lss_address(self, req_cs: int) -> int:
+        """Return a number of its identity: 0x5A vendor-ID, 0x5B product code, 0x5C revision, 0x5D serial number.
+
+        Raises LocalError for another command, NoAnswer.
+        """
+        if req_cs - Lss.INQUIRE not in range(len(LSS_IDENTITY)):
+            raise LocalError(f"0x{req_cs:02X} asks for no part of an identity; 0x5A to 0x5D do")
+        return self._one(lss.inquire_identity())[req_cs - Lss.INQUIRE]
+
+    def configure_bit_timing(self, new_bit_timing: int) -> None:
+        """Give it a bit rate by its number in the table of CiA 305 (2 is 500 kbit/s); raises RemoteError, NoAnswer."""
+        rates = {str(number): kbit for kbit, number in BIT_RATES.items()}
+        self._one(lss.configure_bit_rate(look_up("bit timing", str(new_bit_timing), rates)))
+
+    def activate_bit_timing(self, switch_delay_ms: int) -> None:
+        """Have the devices that are being configured change their bit rate after so many ms; they do not answer."""
+        self._one(lss.activate_bit_rate(switch_delay_ms / 1000))
+
     def store_configuration(self) -> None:
         """Make the device store its node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
         self._one(lss.store())
 
 
-class NodeScanner:
-    """Nodes that were heard or that `search` found; `Network.scan` also returns their identities."""
+class NodeScanner(NamedAsInCanopen):
+    """The nodes that were heard or that `search` has found; see `Network.scan`, which also says what they are."""
 
     def __init__(self, network: Network) -> None:
         self._network = network
@@ -386,7 +437,7 @@ class AsyncNetworkLss(LssOfNetwork):
     find, assign = LssOfNetwork._find, LssOfNetwork._assign
 
 
-class Network(NetworkOfDevices[RemoteDevice]):
+class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
     """A CANopen network for programs that block: a bus with devices by name; use it as a context manager.
 
         with Network.open("socketcan", "can0") as network:
@@ -407,6 +458,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
     def __init__(self, master: Master | None = None) -> None:
         super().__init__()
         self.nmt, self.lss, self.scanner = NetworkNmt(self), NetworkLss(self), NodeScanner(self)
+        self.time = NetworkTime(self)
         self._subscribers: dict[int, list[Callback]] = {}
         if master is not None:
             self._begin(master)
@@ -422,7 +474,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         taken; without one that fits, objects are numbers and bytes. Raises as `NetworkOfDevices.add`, and RemoteError,
         BusError if the node that is asked does not answer.
         """
-        return super().add(node_id, file or self._in_library(node_id, name), name)
+        return self.add_node(RemoteDevice(node_id, file or self._in_library(node_id, name), name))
 
     def _in_library(self, node_id: int, name: str) -> Dictionary | None:
         if self.library is None or self.master is UNCONNECTED:
@@ -450,14 +502,29 @@ class Network(NetworkOfDevices[RemoteDevice]):
     # As canopen calls them
 
     def connect(
-        self, channel: Channel = None, interface: BusName = None, bitrate: int | None = None, bustype: BusName = None
+        self,
+        channel: Channel = None,
+        interface: BusName = None,
+        bitrate: int | None = None,
+        bustype: BusName = None,
+        **options: Any,
     ) -> Self:
         """Open the bus of a network that was created without one, with the arguments of canopen.
 
-        `bustype` is the name that `interface` had before python-can 4.2.
+        `bustype` is the name that `interface` had before python-can 4.2; `options` are those of python-can's interface,
+        such as `receive_own_messages`.
         """
-        self._begin(ThreadedMaster(_feed(interface or bustype, channel, bitrate)))
+        self._begin(ThreadedMaster(_feed(interface or bustype, channel, bitrate, **options)))
         return self
+
+    @property
+    def bus(self) -> can.BusABC | None:
+        """python-can's bus, None before `connect`; a network without one may be given one, which stays open."""
+        return None if self.master is UNCONNECTED else self.master.bus
+
+    @bus.setter
+    def bus(self, bus: can.BusABC) -> None:
+        self._begin(ThreadedMaster(_feed(bus, None, None)))
 
     disconnect = close
 
@@ -483,9 +550,19 @@ class Network(NetworkOfDevices[RemoteDevice]):
         """The devices that were added, with their node-IDs."""
         return [*self.nodes.items()]
 
+    def get(self, node: int | str | RemoteDevice, default: Any = None) -> Any:
+        """Return a device that was added, by its node-ID or name, or else the default."""
+        return next((each for each in self if node in (each.node_id, each.name, each)), default)
+
     def __contains__(self, node: int | str | RemoteDevice) -> bool:
         """Return whether a device was added, by its node-ID or name."""
-        return any(node in (each.node_id, each.name, each) for each in self)
+        return self.get(node) is not None
+
+    def __delitem__(self, node: int | str | RemoteDevice) -> None:
+        """Forget a device that was added; raises UnknownName."""
+        gone = self[node]
+        self._devices = {node_id: each for node_id, each in self._devices.items() if each is not gone}
+        gone.network = None
 
     def add_node(
         self, node: int | RemoteDevice, object_dictionary: DeviceFile = None, upload_eds: bool = False
@@ -493,9 +570,14 @@ class Network(NetworkOfDevices[RemoteDevice]):
         """Add a node that was made as `RemoteDevice(5, "drive.eds")`, or by its node-ID; see `add`.
 
         With `upload_eds` the file is the one that the node keeps of itself (0x1021); raises RemoteError without one.
+        A node that the canopen package has made raises LocalError.
         """
-        if not isinstance(node, int):
+        if isinstance(node, RemoteDevice):
+            node.network = self
             return self._added(node)
+        if not isinstance(node, int):
+            ours = "import RemoteNode or BaseNode402 from eurobot_od"
+            raise LocalError(f"a {type(node).__name__} of the package canopen belongs in canopen's Network; {ours}")
         if upload_eds:
             object_dictionary = uploaded(self.master.node(node))
             if object_dictionary is None:
@@ -620,9 +702,6 @@ def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: An
 
 RemoteNode, SdoAbortedError, SdoCommunicationError = RemoteDevice, NodeRefused, NoAnswer
 
-COMMANDED = {each.words.upper(): each for each in State} | {"DISABLE VOLTAGE": State.DISABLED}
-"""States by their names in canopen, one of which is a command."""
-
 MODES = {words.upper().replace("PROFILE ", "PROFILED "): Mode(mode) for mode, words in MODE_WORDS.items()}
 """Modes of operation by their names in canopen."""
 
@@ -636,6 +715,8 @@ class BaseNode402(RemoteDevice):
     def setup_402_state_machine(self, read_pdos: bool = True) -> None:
         """Read the node's PDO mapping if `read_pdos`; nothing else is needed."""
         self.pdo.read(from_od=not read_pdos)
+
+    setup_pdos = setup_402_state_machine
 
     @property
     def powerstate_402(self) -> BaseNode402:
@@ -665,7 +746,7 @@ class BaseNode402(RemoteDevice):
 
     @state.setter
     def state(self, wanted: str) -> None:
-        target = look_up("state of a drive", wanted, COMMANDED)
+        target = look_up("state of a drive", wanted, STATES)
         if target is State.DISABLED:
             self.drive402.fault_reset()
         self.drive402.bring_to(target)

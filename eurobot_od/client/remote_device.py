@@ -14,22 +14,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from functools import partial
 from io import StringIO
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, NoReturn, Self, TypeAlias, overload
+from typing import IO, Any, Literal, NoReturn, Self, TypeAlias, overload
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
+from canopen.variable import Bits
 
 from eurobot_od.client import configure, program, streams
+from eurobot_od.client.canopen_names import NamedAsInCanopen, opened
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
 from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.master import Master, PeriodicTask, RemoteNode, blocking, finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import BlockingPdoStream, PdosOfDirection, RemotePdos
-from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
+from eurobot_od.device.nmt import TARGET, TOGGLE, NmtCommand, NmtState, canopen_state, command_to
 from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
@@ -58,8 +61,8 @@ Content: TypeAlias = bytes
 Wrote: TypeAlias = Callable[["ODVariable", bytes], object]
 
 
-class ObjectAtNode:
-    """Base class of the objects of both networks; nothing in here talks to the node."""
+class ObjectAtNode(NamedAsInCanopen):
+    """The common part of the objects of both kinds of networks; nothing in here talks to the node."""
 
     __slots__ = ("_node", "_variables", "_wrote")  # so that a typo (`object.valu = 5`) is an error
 
@@ -215,6 +218,30 @@ class RemoteObject(ObjectAtNode):
     # As canopen calls them
 
     phys, desc, data = value, text, bytes
+    bits = property(Bits, doc="The bits of `raw` by number or range; each may be set, which writes the object.")
+
+    @property
+    def index(self) -> int:
+        """The index."""
+        return self.address[0]
+
+    @property
+    def subindex(self) -> int:
+        """The sub-index."""
+        return self.address[1]
+
+    def open(
+        self, mode: str = "rb", encoding: str = "ascii", size: int | None = None, block_transfer: bool = True, **_: Any
+    ) -> IO[Any]:
+        """Return the object as a file, to read (`r`, `rb`) or to write (`wb`); it is written when that is closed.
+
+        `size` and `block_transfer` need not be given: long contents go by block transfer if the node has it. Raises
+        LocalError for another mode, and as `bytes` does.
+        """
+        return opened(mode, encoding, self.read_block, self._set_bytes)
+
+    def _set_bytes(self, data: Content) -> None:
+        self.bytes = data
 
     def items(self) -> list[tuple[int, RemoteObject]]:
         """Return the members of a record, with their sub-indices, up to the number in sub-index 0."""
@@ -509,6 +536,18 @@ class NodeNmt(NmtOfNode):
             raise HeartbeatLost(self._node.node_id, timeout)
         return self.state
 
+    def add_heartbeat_callback(self, function: Callable[[int], object]) -> None:
+        """Have a function called with the number of the state in each heartbeat and boot-up message."""
+        master = self._node.master
+
+        def hear(cob_id: int, data: bytes, _: float) -> None:
+            if cob_id == ERROR_CONTROL_BASE + self._node.node_id and data:
+                master.call(partial(function, data[0] & ~TOGGLE))
+
+        master.observers = (*master.observers, hear)
+
+    add_hearbeat_callback = add_heartbeat_callback  # canopen has both spellings
+
     def start_node_guarding(self, period: float) -> None:
         """Request the node's state every `period` seconds until `stop_node_guarding`; raises BusError."""
         self.stop_node_guarding()
@@ -528,7 +567,7 @@ class AsyncNodeNmt(NmtOfNode):
     enter_pre_operational, reset = NmtOfNode._enter_pre_operational, NmtOfNode._reset
 
 
-class RemoteDevice(DeviceAtNode):
+class RemoteDevice(DeviceAtNode, NamedAsInCanopen):
     """A device on a `Network`.
 
     `drive["Profile velocity"].value` reads and writes an object; `drive.nmt`, `drive.state`, `drive.emcy` and
@@ -568,6 +607,21 @@ class RemoteDevice(DeviceAtNode):
         """`od`."""
         return self.od
 
+    network: Any = None
+    """The network that it was added to."""
+
+    def associate_network(self, network: Any) -> None:
+        """Add it to a network."""
+        network.add_node(self)
+
+    def has_network(self) -> bool:
+        """Return whether it was added to a network."""
+        return self.network is not None
+
+    def remove_network(self) -> None:
+        """Have its network forget it."""
+        del self.network[self.node_id]
+
     @property
     def sdo(self) -> Self:
         """The node itself: `drive.sdo["Profile velocity"].raw`."""
@@ -582,6 +636,16 @@ class RemoteDevice(DeviceAtNode):
     def rpdo(self) -> PdosOfDirection:
         """Its RPDOs by number."""
         return self.pdo.rx
+
+    RESPONSE_TIMEOUT = property(
+        lambda self: self._node.answer_wait,
+        lambda self, wait: setattr(self._node, "own_wait", wait),
+        doc="Seconds that this node has for an answer; see `answer_wait` of `Network.open`.",
+    )
+
+    def open(self, index: int | str, subindex: int = 0, mode: str = "rb", **options: Any) -> IO[Any]:
+        """Return an object as a file; see `RemoteObject.open`."""
+        return self[(index, subindex) if isinstance(index, int) else index].open(mode, **options)
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Read the bytes of an object; raises as an object does."""

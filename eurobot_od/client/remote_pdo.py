@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any, overload
 
 from canopen.objectdictionary import ODVariable
+from canopen.variable import Bits
 
+from eurobot_od.client.canopen_names import NamedAsInCanopen
 from eurobot_od.client.configure import map_objects
 from eurobot_od.client.master import PeriodicTask, finished
 from eurobot_od.client.streams import BlockingStream, MappedPdos, PdoReading, PdoStream, PdoValue
@@ -65,6 +67,18 @@ class PdoSignal(BlockingStream[PdoValue]):
     def phys(self, value: float) -> None:
         self._given = value
 
+    bits = property(Bits, doc="The bits of `raw` by number or range, as canopen has them; each may be set.")
+
+    @property
+    def index(self) -> int:
+        """The index of the object."""
+        return self.od.index
+
+    @property
+    def subindex(self) -> int:
+        """The sub-index of the object."""
+        return self.od.subindex
+
 
 def _setting(sub: int, what: str) -> Any:
     """Return a property for a communication parameter; its value is None if the PDO does not have it."""
@@ -87,6 +101,7 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
     trans_type = _setting(values.TRANSMISSION_TYPE, "The transmission type, 0..255.")
     inhibit_time = _setting(values.INHIBIT_TIME, "The least time between two of them, in 100 us.")
     event_timer = _setting(values.EVENT_TIMER, "The longest time between two of them, in ms; of an RPDO, its deadline.")
+    _home: RemotePdos
     sync_start_value = _setting(values.SYNC_START, "The number of the SYNC with which it starts.")
 
     def __init__(self, *given: Any) -> None:
@@ -139,9 +154,22 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         except NoAnswer:
             return None
 
-    def add_callback(self, function: Callable[[BlockingPdoStream], object]) -> None:
-        """Call a function with this PDO each time that a frame comes; see `on`."""
-        self.on(lambda _: function(self))
+    def add_callback(self, function: Callable[[PdoAsHeard], object]) -> None:
+        """Have a function called with this PDO each time that it has come; see `on`."""
+        self.on(lambda _: function(PdoAsHeard(self)))
+
+    @property
+    def map(self) -> list[PdoSignal]:
+        """The objects that it maps."""
+        return [self[name] for name in self.names]
+
+    def read(self, from_od: bool = False) -> None:
+        """Ask the node how its PDOs are mapped now; raises as `RemotePdos.read`."""
+        self._home.read(from_od)
+
+    def remote_request(self) -> None:
+        """Ask the node for it by a remote frame; raises BusError."""
+        self._node.master.request(self.cob_id)
 
     @property
     def timestamp(self) -> float | None:
@@ -205,8 +233,27 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
         self._home.present({address: int.from_bytes(data, "little") for address, data in written.items()})
 
 
-class RemotePdos(MappedPdos[BlockingPdoStream]):
-    """PDOs of a node: `drive.pdo["TPDO1"]`; `tx` and `rx` are those of one direction, by number."""
+class PdoAsHeard:
+    """A PDO as canopen gives it to a function: iterating over it gives the objects that it maps."""
+
+    def __init__(self, pdo: BlockingPdoStream) -> None:
+        self._pdo = pdo
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._pdo, name)
+
+    def __getitem__(self, name: str | int) -> PdoSignal:
+        return self._pdo[name]
+
+    def __iter__(self) -> Iterator[PdoSignal]:
+        return iter(self._pdo.map)
+
+    def __len__(self) -> int:
+        return len(self._pdo.map)
+
+
+class RemotePdos(MappedPdos[BlockingPdoStream], NamedAsInCanopen):
+    """The PDOs of a node: `drive.pdo["TPDO1"]`; `tx` and `rx` are those of one direction, by number."""
 
     @property
     def tx(self) -> PdosOfDirection:
@@ -242,13 +289,24 @@ class RemotePdos(MappedPdos[BlockingPdoStream]):
         for pdo in self._made.values():
             pdo.save()
 
+    def stop(self) -> None:
+        """Stop those that were started."""
+        for pdo in self._made.values():
+            pdo.stop()
 
-class PdosOfDirection(Mapping[int, BlockingPdoStream]):
-    """TPDOs or RPDOs of a node by number from 1 on, valid or not, and the mapped objects of valid ones by name."""
+    @property
+    def map(self) -> RemotePdos:
+        """The same: `node.pdo.map[0x1A00]`."""
+        return self
+
+
+class PdosOfDirection(Mapping[int, BlockingPdoStream], NamedAsInCanopen):
+    """The TPDOs or RPDOs of a node by number from 1 on, valid or not; by name, the objects that the valid ones map."""
 
     def __init__(self, pdos: RemotePdos, direction: PdoDirection) -> None:
         self._pdos, self._direction = pdos, direction
-        self.read, self.save = pdos.read, pdos.save
+        self.read, self.save, self.stop = pdos.read, pdos.save, pdos.stop
+        self.map = self
 
     @overload
     def __getitem__(self, key: int) -> BlockingPdoStream: ...

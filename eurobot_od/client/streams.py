@@ -17,9 +17,10 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, NoReturn, Self, TypeVar
 from weakref import WeakSet
 
+from eurobot_od.client.canopen_names import NamedAsInCanopen, missing, remedy_for
 from eurobot_od.client.configure import pdo_parameters
 from eurobot_od.client.master import Master, Procedure, RemoteNode, blocking, finished
 from eurobot_od.device.broadcasts import REGISTER_BITS
@@ -42,8 +43,8 @@ BACKLOG = 10_000
 """Maximum number of items that an iterator keeps: 10 s of a PDO every millisecond."""
 
 
-class Closed:
-    """Refuses attributes that were not set at construction, so that a typo (`pdo.enabld = True`) is an error.
+class Closed(NamedAsInCanopen):
+    """Refuses an attribute that was not there when it was made: `pdo.enabld = True` is a slip, and would say nothing.
 
     Its `_node` is the last one that it gets.
     """
@@ -52,7 +53,7 @@ class Closed:
 
         def __setattr__(self, name: str, value: object) -> None:
             if name[0] != "_" and "_node" in vars(self) and name not in vars(self) and not hasattr(type(self), name):
-                raise AttributeError(f"{self} has no attribute {name!r}")
+                raise AttributeError(missing(str(self), remedy_for(type(self), name), name))
             object.__setattr__(self, name, value)
 
 
@@ -236,10 +237,24 @@ class Emergency(NamedTuple):
     register: int
     data: bytes
 
+    if not TYPE_CHECKING:  # type: ignore[misc]
+
+        def __getattr__(self, name: str) -> NoReturn:
+            raise AttributeError(missing("Emergency", remedy_for(Emergency, name), name), name=name, obj=self)
+
     @property
     def text(self) -> str:
         """The words of the code's class in CiA 301."""
         return error_words(self.code, {})
+
+    def get_desc(self) -> str:
+        """Return `text`, as canopen calls it."""
+        return self.text
+
+    @property
+    def timestamp(self) -> float:
+        """The time, as canopen calls it."""
+        return self.time
 
     def __str__(self) -> str:
         data = self.data.hex(" ").upper()
@@ -278,7 +293,29 @@ class HeardEmergencies(Stream[Emergency]):
 class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
     """Emergency messages of a node; `active` has those since the last `no error`, by code."""
 
+    def __init__(self, node: RemoteNode) -> None:
+        self._log = deque[Emergency](maxlen=BACKLOG)
+        super().__init__(node)
+
     history, clear = blocking(HeardEmergencies._history), blocking(HeardEmergencies._clear)
+
+    # As canopen calls them
+
+    add_callback = HeardEmergencies.on
+
+    @property
+    def log(self) -> list[Emergency]:
+        """All of them since the begin or `reset`, at most the last 10 000, the oldest first."""
+        return [*self._log]
+
+    def push(self, item: Emergency) -> None:
+        self._log.append(item)
+        super().push(item)
+
+    def reset(self) -> None:
+        """Forget what has come; the node is not asked: see `clear`."""
+        self.active.clear()
+        self._log.clear()
 
 
 class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):

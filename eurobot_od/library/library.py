@@ -13,7 +13,7 @@ from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.library.index import DATA, LibraryEntry, entries, user_folder
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.identity import Identity
+from eurobot_od.od.identity import Identity, contradiction, misfit
 from eurobot_od.od.network import NodeFile
 from eurobot_od.od.values import Address
 
@@ -37,12 +37,6 @@ def folders(typed: Sequence[str] = (), written: Sequence[str] = ()) -> list[Path
     if missing:
         raise LocalError(f"library {missing[0]}: no such folder")
     return named or [users_folder()]
-
-
-def contradiction(said: Identity, device: Identity) -> str | None:
-    """Return how a device's type differs from a file's; a number that is 0 in either is ignored."""
-    pairs = [(mine or theirs, theirs or mine) for mine, theirs in zip(said, device)]
-    return Identity(*(mine for mine, _ in pairs)).difference(Identity(*(theirs for _, theirs in pairs)))
 
 
 class Fit(NamedTuple):
@@ -162,19 +156,18 @@ class LibraryDevices:
     def __call__(self, node_id: int, numbers: Numbers, known: Dictionary | None = None) -> Dictionary | None:
         """Return the dictionary of a node by its observed identity; None if there is none, or `known` is right."""
         identity = identity_of(numbers)
-        different = known and contradiction(Identity.of(known), identity)
-        if known and not different:
+        if known and not misfit(known, identity):
             return None
         is_ours = any(known is each for each in self._made.values())
         is_open = known is None or is_ours or node_id in self._implied
         found = self._described(node_id, identity, numbers) if is_open else None
         if found is None:
-            self.check(node_id, identity, known)
+            self.check(node_id, identity, known, numbers.get(standard.DEVICE_TYPE))
         return found
 
-    def check(self, node_id: int, identity: Identity, known: Dictionary | None) -> None:
+    def check(self, node_id: int, identity: Identity, known: Dictionary | None, device_type: int | None = None) -> None:
         """Call `tell` if a node's file is for another device than observed."""
-        different = known and contradiction(Identity.of(known), identity)
+        different = known and misfit(known, identity, device_type)
         if known and different:
             self._tell_once(node_id, f"{known.file} is for another device: node {node_id} has {different}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from eurobot_od.od import standard
@@ -63,3 +63,38 @@ class Identity(NamedTuple):
             "major revision": (self.revision >> 16, other.revision >> 16),
         }
         return next((f"{name} 0x{b:X}, not 0x{a:X}" for name, (a, b) in pairs.items() if a != b), None)
+
+
+def contradiction(said: Identity, device: Identity) -> str | None:
+    """Return in what a device is of another kind than a file says; what either does not say (0) is no difference."""
+    pairs = [(mine or theirs, theirs or mine) for mine, theirs in zip(said, device)]
+    return Identity(*(mine for mine, _ in pairs)).difference(Identity(*(theirs for _, theirs in pairs)))
+
+
+def misfit(dictionary: Dictionary, identity: Identity, device_type: int | None = None) -> str:
+    """Return in what a device that has shown its 0x1018, and its 0x1000, is another one than a file describes.
+
+    What either does not say (0) is no difference. Empty if it is the same.
+    """
+    found = contradiction(Identity.of(dictionary), identity)
+    type_ = dictionary.number(standard.DEVICE_TYPE)
+    if not found and type_ and device_type and type_ != device_type:
+        found = f"device type 0x{device_type:08X}, not 0x{type_:08X}"
+    return found or ""
+
+
+def absence(expected: Iterable[int], heard: Iterable[int]) -> str:
+    """Return which nodes are not on a bus although their files are named, and which other ones are.
+
+    Empty if none is missing, or if no other node is there.
+    """
+    wanted, there = {*expected}, {*heard}
+    missing, others = wanted - there, there - wanted
+    if not missing or not others:
+        return ""
+    return f"{_nodes(others)} on this bus, {_nodes(missing)} not"
+
+
+def _nodes(numbers: Iterable[int]) -> str:
+    listed = sorted(numbers)
+    return f"nodes {', '.join(map(str, listed))} are" if len(listed) > 1 else f"node {listed[0]} is"

@@ -116,6 +116,42 @@ class AbortCode(IntEnum):
     NO_DATA = 0x0800_0024, "No data available"
 
 
+REMEDIES: Mapping[int, str] = {
+    AbortCode.TOGGLE_BIT: "another client may use the same SDO channel: stop it, and try again",
+    AbortCode.TIMEOUT: "try again; raise the time that is waited for an answer",
+    AbortCode.UNKNOWN_COMMAND: "try again without block transfer; another client may use the same channel",
+    AbortCode.BLOCK_SIZE: "ask for blocks of 1 to 127 segments",
+    AbortCode.SEQUENCE_NUMBER: "try again: frames were lost",
+    AbortCode.CRC: "try again: frames were lost or changed",
+    AbortCode.OUT_OF_MEMORY: "send less at once",
+    AbortCode.UNSUPPORTED_ACCESS: "look at the AccessType in the EDS",
+    AbortCode.WRITE_ONLY: "write it only: its AccessType is wo",
+    AbortCode.READ_ONLY: "read it only: its AccessType is ro or const",
+    AbortCode.NO_OBJECT: "the device may be another version than its EDS: compare 0x1018",
+    AbortCode.NOT_MAPPABLE: "map an object with PDOMapping=1, of the direction that its AccessType allows",
+    AbortCode.MAPPING_TOO_LONG: "map at most 64 bits",
+    AbortCode.INCOMPATIBLE: "look at what the device has in related objects",
+    AbortCode.INCOMPATIBLE_INSIDE: "reset the node, and try again",
+    AbortCode.HARDWARE: "look at the error register 0x1001, and at 0x1003",
+    AbortCode.LENGTH: "write as many bytes as the DataType in the EDS has",
+    AbortCode.TOO_LONG: "write fewer bytes: as many as the DataType in the EDS has",
+    AbortCode.TOO_SHORT: "write more bytes: as many as the DataType in the EDS has",
+    AbortCode.NO_SUBINDEX: "read sub-index 0 for how many there are",
+    AbortCode.VALUE: "write a value between LowLimit and HighLimit of the EDS",
+    AbortCode.TOO_HIGH: "write a lower value: at most HighLimit of the EDS",
+    AbortCode.TOO_LOW: "write a higher value: at least LowLimit of the EDS",
+    AbortCode.LIMITS_CROSSED: "write the limits in the other order",
+    AbortCode.NO_RESOURCE: "wait until the device is free, and try again",
+    AbortCode.GENERAL: "look at the error register 0x1001, and at the manual of the device",
+    AbortCode.NOT_TRANSFERRED: "write what 0x1010 and 0x1011 ask for (`save`, `load`), in PRE-OPERATIONAL",
+    AbortCode.LOCAL_CONTROL: "switch the device to remote control",
+    AbortCode.STATE: "bring the node to PRE-OPERATIONAL, or switch the PDO off, first",
+    AbortCode.NO_DICTIONARY: "reset the node",
+    AbortCode.NO_DATA: "write the object first",
+}
+"""What a client may do about an abort code."""
+
+
 def reason(code: int) -> str:
     """Return the text of an abort code; `unknown code` for a device's own."""
     return AbortCode(code).text if code in set(AbortCode) else "unknown code"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -91,6 +92,17 @@ def test_a_report(files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureF
     text = report.read_text()
     assert "Diagnosis of error.log, note.log" in text
     assert text.count("node 5: is lost") == 3  # the verdict, the table, its heading
+
+
+def test_a_report_has_what_somebody_else_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, report = tmp_path / "unix.log", tmp_path / "report.md"
+    log.write_text("".join(f"({1_700_000_000 + each}.000000) can0 705#05\n" for each in range(5)))
+    run(capsys, "diagnose", str(log), "--eds", f"5={MOTOR}", "--report", str(report), "--robot", "none")
+    text = report.read_text()
+    assert re.search(r"\| Begins \| 2023-11-1[45] \d\d:\d\d:20\.000", text), text
+    assert "| 5 | motor | motor.eds | 0x00000000:0x00000005:0x00010000:0x00000001 |" in text
+    assert re.search(r"\| Reported \| \d{4}-\d\d-\d\d .*\n\| Made by \| .*eurobot-od|canopen-workbench", text)
+    assert re.search(r"TPDO1 is never sent.* \| 1 \| 4\.000 \| 2023-11-1[45] \d\d:\d\d:24\.000", text), text
 
 
 def test_headings_of_facts_are_not_wrapped(

@@ -160,6 +160,29 @@ def test_scan_complains_of_a_file_for_another_device(capsys: pytest.CaptureFixtu
     assert said.err.count("another device") == 1
 
 
+# Who is another device, or not there, is said before all else
+
+
+ASKING = ("scan --listen 300ms", "check --conformance --step Identity", "dump")
+
+
+@pytest.mark.parametrize("words", ASKING)
+def test_a_file_of_another_device_is_told_first(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], words: str
+) -> None:
+    node = ["5"] * (words == "dump")
+    said = run(capsys, *words.split(), *node, *ALONE, "--eds", "5=makers/other.eds", *bus)
+    assert "is for another device: node 5 has product code 0x1001, not 0x1002" in said.err.splitlines()[0]
+
+
+@pytest.mark.parametrize("words", ["scan --listen 300ms", "check --conformance --step Identity"])
+def test_a_node_that_is_not_there_is_told_with_those_that_are(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], words: str
+) -> None:
+    said = run(capsys, *words.split(), *ALONE, "--eds", "9=makers/axis.eds", *bus)
+    assert "nodes 5, 6, 7, 8 are on this bus, node 9 is not" in said.err
+
+
 def test_lss_says_which_file_fits_a_device_without_a_node_id(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

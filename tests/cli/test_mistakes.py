@@ -267,7 +267,7 @@ STEPS = {
     ),
     "a key of another action": (
         "  - send: Halt Lift\n    within: 1 s\n",
-        "6:5: unknown key 'within'; known: send, name, repeat, needed, undo",
+        "6:5: unknown key 'within'; known: send, name, repeat, needed, undo, above",
     ),
     "a message with a slip": (
         "  - send: Halt Lyft\n",

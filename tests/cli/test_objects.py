@@ -27,7 +27,8 @@ from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 HEARTBEAT = "0x1017:0  Producer heartbeat time"
 NAMED = "0x1017:0: Producer heartbeat time"
 NOT_ALLOWED = " is not allowed; allowed: "
-READ_ONLY = ": Attempt to write a read only object (0x06010002)"
+READ_ONLY = ": Attempt to write a read only object (0x06010002); read it only: its AccessType is ro or const"
+NO_OBJECT = "Object does not exist (0x06020000); the device may be another version than its EDS: compare 0x1018"
 
 FILES = """\
 [200E]
@@ -117,7 +118,7 @@ def test_scan_of_a_network_names_its_nodes_and_says_which_are_missing(run: Run, 
     with line("panel", "lift") as channel:
         status, out, err = run(channel, "scan", "--listen", "10 ms", "--network", network)
     head, panel, lift, missing = out.splitlines()
-    assert (status, err) == (1, "")
+    assert (status, err) == (1, "eurobot-od: node 1 is on this bus, node 7 is not\n")
     assert head.split()[:4] == ["node", "in", "network", "name"]
     assert panel.split()[:5] == ["1", "-", "Packaging", "line", "panel"]
     assert lift.split()[:5] == ["2", "wheels", "Packaging", "line", "lift"]
@@ -235,8 +236,12 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
         (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),
         (["write", "2", "0x1017", "65536"], 2, f"{NAMED} = 65536" + NOT_ALLOWED + "0..65535"),
         (["write", "2", "0x1017", "often"], 2, f"{NAMED} = 'often'" + NOT_ALLOWED + "an integer"),
-        (["write", "2", "0x1018:1", "5"], 1, "node 2 refused to write 0x1018:1 Identity object.Vendor-ID" + READ_ONLY),
-        (["write", "2", "0x5000", "5"], 1, "node 2 refused to read 0x5000:0: Object does not exist (0x06020000)"),
+        (
+            ["write", "2", "0x1018:1", "5"],
+            1,
+            "node 2 refused to write 0x1018:1 Identity object.Vendor-ID" + READ_ONLY,
+        ),
+        (["write", "2", "0x5000", "5"], 1, f"node 2 refused to read 0x5000:0: {NO_OBJECT}"),
         (["read", "2", "0x1017", "--eds", "none.eds"], 2, "none.eds: No such file or directory"),
         (["configure", "2", "none.dcf"], 2, "none.dcf: No such file or directory"),
     ],

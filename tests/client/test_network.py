@@ -531,7 +531,8 @@ def test_a_bus_that_fails_is_told_to_who_waits() -> None:
 
 CANOPEN_NAMES = {"connect", "disconnect", "check", "nodes", "add_node", "send_message", "send_periodic"} | {
     "subscribe", "unsubscribe", "id", "object_dictionary", "sdo", "tpdo", "rpdo", "upload", "download",
-    "load_configuration", "keys", "values", "items",
+    "load_configuration", "keys", "values", "items", "bus", "get", "open", "RESPONSE_TIMEOUT", "network",
+    "associate_network", "has_network", "remove_network",
 }  # fmt: skip
 """Names that only blocking networks and nodes have, as canopen itself has them."""
 

@@ -12,12 +12,11 @@ from eurobot_od.library.library import (
     VARIABLE,
     Library,
     LibraryDevices,
-    contradiction,
     folders,
     users_folder,
 )
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.identity import Identity
+from eurobot_od.od.identity import Identity, contradiction
 from eurobot_od.od.maker import device_yaml_of
 from eurobot_od.od.values import Address
 from tests.kit.library import OTHER_PRODUCT, PRODUCT, VENDOR, device_text, library_of

@@ -23,8 +23,10 @@ from eurobot_od.sdo.server import TIMEOUT
 from eurobot_od.sdo.wire import (
     ABORT,
     EXPEDITED,
+    REMEDIES,
     SIZE_GIVEN,
     Abort,
+    AbortCode,
     ClientCommand,
     Initiate,
     Reason,
@@ -284,3 +286,7 @@ def test_only_the_wire_module_writes_aborts() -> None:
 def test_an_abort_has_code_text_and_reason() -> None:
     assert str(Abort(Reason.NO_OBJECT)) == "0x06020000 Object does not exist: the EDS has no object with this index"
     assert str(Abort(Reason.TOO_FEW_BITS, "too few bits for x")).endswith(" reason: too few bits for x")
+
+
+def test_every_abort_code_has_a_remedy() -> None:
+    assert [*REMEDIES] == [*AbortCode]

@@ -19,6 +19,7 @@ PIP = """\
 import os, pathlib, sys
 with pathlib.Path({calls!r}).open("a") as calls:
     print(*sys.argv[1:], file=calls)
+print("Collecting canopen>=2.4\\n  Using cached canopen.whl\\nInstalling collected packages: canopen")
 if {status}:
     print("ERROR: " + {error!r}, file=sys.stderr)
 sys.exit({status})
@@ -161,7 +162,8 @@ def test_a_set_up_says_what_takes_so_long_and_an_environment_that_is_current_say
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     environment.prepare()
-    assert capfd.readouterr() == ("", "setting up .venv (once; takes up to a minute) ...\n")
+    steps = "  Collecting canopen>=2.4\n  Installing collected packages: canopen\n"
+    assert capfd.readouterr() == ("", f"setting up .venv, once: what pip does follows ...\n{steps}")
     environment.prepare()
     assert capfd.readouterr() == ("", "")
 
@@ -187,7 +189,7 @@ def test_a_set_up_that_is_interrupted_is_no_traceback(checkout: Checkout, monkey
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(subprocess, "run", interrupted)
+    monkeypatch.setattr(environment, "_told", interrupted)
     with pytest.raises(SystemExit) as ended:
         environment.prepare()
     assert ended.value.code == 130

@@ -81,10 +81,12 @@ STUCK_AFTER = 1.0
 # drivers respect `send(timeout=0)`.
 
 
-def open_bus(interface: str | None = None, channel: str | int | None = None, bitrate: int | None = None) -> can.BusABC:
+def open_bus(
+    interface: str | None = None, channel: str | int | None = None, bitrate: int | None = None, **options: Any
+) -> can.BusABC:
     """Open a python-can bus; omitted parameters come from python-can's configuration files and variables.
 
-    Raises BusError in one line.
+    `options` are those of the interface, such as `fd`. Raises BusError in one line.
     """
     import can
     from can import util
@@ -94,7 +96,7 @@ def open_bus(interface: str | None = None, channel: str | int | None = None, bit
     if interface == SOCKETCAN and not hasattr(socket, "AF_CAN"):
         raise BusError(f"cannot open the {interface} bus {channel or ''}: {ONLY_LINUX}; {INSTEAD}")
     asked = {"interface": interface, "channel": channel, "bitrate": bitrate}
-    given = {key: value for key, value in asked.items() if value is not None}
+    given = {key: value for key, value in asked.items() if value is not None} | options
     try:
         said = _named(given)
         # Our default channel is only for our default interface.

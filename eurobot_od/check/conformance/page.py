@@ -21,6 +21,7 @@ from eurobot_od.export.forms import DocBlock, DocHeading, DocTable, Paragraph, P
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 
 # CiA's conformance test tool
 
@@ -239,7 +240,8 @@ class DeviceRun(NamedTuple):
         document = self.dictionary.device.document
         said = [(what.capitalize(), document.text("deviceinfo", key)) for what, key in forms.INFORMATION]
         run = next((each.how for each in self.results), "not run")
-        facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), *said]
+        identity = ("Identity in the file (0x1018)", str(Identity.of(device)))
+        facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), identity, *said]
         return [each for each in [*facts, ("Tier", self.tier.value), ("Run", run), ("Made by", self.made)] if each[1]]
 
     @property

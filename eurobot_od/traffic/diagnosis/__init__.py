@@ -245,6 +245,8 @@ class Diagnosis:
     ) -> None:
         self.incidents = Incidents()
         self.frames, self.seconds = 0, 0.0
+        self.first: float | None = None
+        """The time of the first entry, in s."""
         self._decoder, self._more, self._bit_rate, self._promised = decoder, more, bit_rate, promised
         self._buses: dict[str, WatchedBus] = {}
         self._log, self._line, self._time = "", 0, 0.0
@@ -267,6 +269,7 @@ class Diagnosis:
         self, time: float, channel: str, meaning: Meaning, following: TrackingDecoder, line: int = 0
     ) -> None:
         """Process a meaning from another decoder, `following`, of the same bus."""
+        self.first = time if self.first is None else self.first
         self.frames += 1
         self._line, self._time = line, time
         watched = self._buses.get(channel)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from eurobot_od.client.watch import LATE_AFTER, LOST_AFTER, NodeChange
 from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState, boot_state
 from eurobot_od.frame import Frame
+from eurobot_od.od.identity import absence
 from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, NMT_STARTUP, Lss, LssState
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NODE_IDS
 from eurobot_od.support.texts import text as duration
@@ -453,7 +454,10 @@ class NodesWatcher(Watcher):
             waiting = self._pre_operational.get(node.node_id)
             beats = self._beats_of(node)
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
-                self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
+                strangers = (each.node_id for each in self.bus.nodes.values() if each.heard and not each.dictionary)
+                others = absence([node.node_id], strangers)
+                text = f"is never heard (node-ID {node.node_id}){others and f': {others}'}"
+                self.bus.found(BusRule.NEVER_HEARD, node.name, text)
             if waiting and time - waiting.places[0].time > BOOTS_WITHIN and node.node_id not in self._told:
                 missed = f"; missed: {node.missed[1]}" if node.missed else ""
                 text = f"stays {STATE_NAMES[NmtState.PRE_OPERATIONAL]} for {duration(time - node.since, 1)}{missed}"

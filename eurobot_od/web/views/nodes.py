@@ -10,8 +10,7 @@ from eurobot_od.client.description import Found, addressed, scan
 from eurobot_od.client.lss import perform
 from eurobot_od.client.streams import read_history
 from eurobot_od.errors import LocalError
-from eurobot_od.library.library import contradiction
-from eurobot_od.od.identity import Identity
+from eurobot_od.od.identity import Identity, misfit
 from eurobot_od.od.standard import LssState
 from eurobot_od.web.asking import Arguments, PageRequest, Way
 from eurobot_od.web.desk import Desk
@@ -37,7 +36,7 @@ def _file_of(desk: Desk, found: Found) -> dict[str, Any]:
     if found.identity is None:
         return {"file": known.file.name if known else "", "further": ""}
     if known is not None:
-        other = contradiction(Identity.of(known), found.identity)
+        other = misfit(known, found.identity, found.device_type)
         return {"file": known.file.name, "further": f"is for another device: this one has {other}" if other else ""}
     fit = desk.equipment.library.find(found.identity, found.device_type)
     return {"file": fit.entry.path.name if fit else "", "further": fit.further if fit else ""}

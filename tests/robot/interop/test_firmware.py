@@ -53,8 +53,8 @@ def running(folder: Path) -> Iterator[str]:
 def red(folder: Path) -> tuple[list[str], str]:
     """Check the firmware; return the failed steps with their lines, and the end of the last line before the times."""
     with running(folder) as terminal:
-        said = eurobot_od(folder, "check", "drive", "-i", "slcan", "-c", terminal, "--keep-going")
-    return failed(said.stdout), said.stdout.splitlines()[-1].partition(" in ")[0]
+        said = eurobot_od(folder, "check", "drive", "-i", "slcan", "-c", terminal, "--keep-going", "--level", "2014")
+    return failed(said.stdout), said.stdout.splitlines()[-2].partition(" in ")[0]
 
 
 def failed(text: str) -> list[str]:
@@ -63,10 +63,10 @@ def failed(text: str) -> list[str]:
 
 @pytest.mark.long
 def test_the_firmware_fails_as_the_page_says_and_passes_when_mended(folder: Path) -> None:
-    assert red(folder) == (failed(PAGE), "1 suite: 115 ok, 6 FAILED")
+    assert red(folder) == (failed(PAGE), "1 suite: 116 ok, 6 FAILED, 5 skipped")
     assert len(failed(PAGE)) == 6
     subprocess.run(["patch", "-i", "mended.patch", "drive.c"], cwd=folder, check=True)
-    assert red(folder) == ([], "1 suite: 121 ok")
+    assert red(folder) == ([], "1 suite: 122 ok, 5 skipped")
 
 
 @pytest.mark.long
