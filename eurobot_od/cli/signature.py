@@ -133,8 +133,12 @@ NOTHING = Hint(NoneType)
 # From a function to its parser
 
 
-OTHERWISE_CALLED = {"--duration": "--for", "--seconds": "--for", "--time": "--for", "--interval": "--period"}
-"""Options of other programs, with our names."""
+OTHERWISE_CALLED = {
+    **dict.fromkeys(("--duration", "--seconds", "--time"), "--for"),
+    **dict.fromkeys(("scan", "search", "fastscan"), "find"),
+    "--interval": "--period",
+}
+"""Options and words of other programs, with our names."""
 
 DEVICE_FILES = (".eds", ".dcf", ".xdd", ".xdc")
 
@@ -362,7 +366,8 @@ def _read(hint: Hint, word: str) -> Any:
         read = hint.option.read or READERS.get(hint.kind, hint.kind)
         return look_up("value", word, words) if words else read(word)
     except LocalError as error:
-        raise ArgumentTypeError(str(error)) from None
+        usual = OTHERWISE_CALLED.get(word)
+        raise ArgumentTypeError(f"{error}; here that is {usual}" if usual in words else str(error)) from None
 
 
 def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:

@@ -151,6 +151,10 @@ USAGES = {
         "monitor|--duration|3s",
         "unrecognized arguments: --duration; here that is --for",
     ),
+    "an action as others call it": (
+        "lss|scan|-i|virtual",
+        "argument {find,set}: unknown value 'scan'; known: find, set; here that is find",
+    ),
     "an option that only begins like another one": (
         "serve|--for|3s",
         "unrecognized arguments: --for; did you mean --format?",
