@@ -44,7 +44,7 @@ ONLY_LINUX = "SocketCAN is a part of Linux"
 NO_SOCKETCAN = "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is installed"
 INSTEAD = (
     "instead: -i virtual (one program), -i remote (several programs, extra `remote`), "
-    "or an adapter with its maker's driver"
+    "-i udp_multicast -c 239.74.163.2 (several programs), or an adapter with its maker's driver"
 )
 """Alternatives to SocketCAN."""
 
@@ -233,6 +233,7 @@ DRIVERS = {each.interface: each.needs for each in ADAPTERS.values()} | {
     "seeedstudio": _pip("serial"),
     "robotell": _pip("serial"),
     "neovi": _pip("neovi"),
+    "udp_multicast": _pip("multicast"),
 }
 """Software to install for each interface of python-can."""
 

@@ -17,8 +17,17 @@ from contextlib import suppress
 from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from eurobot_od.bus.live.adapters import BITRATE, INSTEAD, ONLY_LINUX, SOCKETCAN, driver_remedy, remedy, silence_logs
-from eurobot_od.errors import BusError, UnknownName
+from eurobot_od.bus.live.adapters import (
+    BITRATE,
+    DRIVERS,
+    INSTEAD,
+    ONLY_LINUX,
+    SOCKETCAN,
+    driver_remedy,
+    remedy,
+    silence_logs,
+)
+from eurobot_od.errors import BusError, LocalError, UnknownName
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Backoff
@@ -39,6 +48,12 @@ DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
 
 ONLY_HERE = "127.0.0.1"
 """Address of a shared bus: only this machine, because it has neither passwords nor encryption."""
+
+WITHOUT_REMOTE = (
+    "without it: -i udp_multicast -c 239.74.163.2 for each program, instead of --share; "
+    f"it needs {DRIVERS['udp_multicast']}"
+)
+"""The way to share a bus without python-can-remote."""
 
 RETRY = 0.001
 """Time for a driver to accept a frame, in s, before the frame is retried later."""
@@ -126,8 +141,10 @@ def share(port: int) -> str:
     Returns the channel: of `virtual` in this process, of `remote` in others. Raises LocalError without the extra
     `remote`, BusError for an unavailable port.
     """
-    with extras.needed("remote"):
+    try:
         from can_remote.server import RemoteServer
+    except ModuleNotFoundError:
+        raise LocalError(f"{extras.missing('python-can-remote', 'remote')}; {WITHOUT_REMOTE}") from None
     silence_logs()
     channel = f"ws://{ONLY_HERE}:{port}/"
     try:

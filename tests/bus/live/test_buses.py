@@ -17,9 +17,9 @@ from can.interfaces import BACKENDS
 from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.virtual import VirtualBus
 
-from eurobot_od.bus.live import Driver, open_bus
+from eurobot_od.bus.live import Driver, open_bus, share
 from eurobot_od.bus.live.buses import Connection, Gaps
-from eurobot_od.errors import BusError
+from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.support import connections
 from eurobot_od.support.connections import STEADY
@@ -221,6 +221,20 @@ def test_an_interface_of_an_extra_says_what_installs_it(monkeypatch: pytest.Monk
     monkeypatch.delitem(BACKENDS, "remote", raising=False)  # as if python-can-remote were not installed
     with pytest.raises(BusError, match=r"cannot open the remote bus: interface remote is not installed; .*pip install"):
         open_bus("remote")
+
+
+def test_sharing_without_its_extra_names_the_command_and_the_way_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "can_remote.server", None)
+    with pytest.raises(
+        LocalError, match=r"the extra `remote` brings it: .*pip install .*; without it: -i udp_multicast"
+    ):
+        share(free_port())
+
+
+def test_multicast_without_its_package_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("can.interfaces.udp_multicast.utils.msgpack", None)
+    with pytest.raises(BusError, match=r'it needs `pip install "python-can\[multicast\]"`'):
+        open_bus("udp_multicast", "239.74.163.2")
 
 
 @pytest.mark.parametrize("number", [None, errno.ENOBUFS, errno.EAGAIN, errno.ETIMEDOUT])
