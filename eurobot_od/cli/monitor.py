@@ -5,12 +5,13 @@ One loop in the main thread polls the source, draws, and waits for a key.
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, redirect_stderr, suppress
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -101,6 +102,8 @@ def monitor(
         took, refresh = stack.enter_context((on_screen if rich else _lines)(session))
         with suppress(KeyboardInterrupt):  # the usual way to end it
             session.run(took, refresh, record, inf if logs else duration)
+    if absent := traffic.presence.note:
+        complain(absent)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
     if statistics:
@@ -144,7 +147,7 @@ class Monitor(NamedTuple):
 
 @contextmanager
 def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
-    """Provide a display that prints each frame as a line."""
+    """Provide a display that prints each frame as a line, and differences from the files as comments."""
     output = TextOutput()
     write = output.line_writer("")
 
@@ -153,12 +156,16 @@ def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
             sys.stdout.write(write(0, time, "", output.row(meaning)))
 
     printed = 0
+    absent = ""
 
     def refresh() -> None:
-        nonlocal printed
-        for note in monitor.source.notes[printed:]:
-            print(f"# {note}")
-            printed += 1
+        nonlocal printed, absent
+        news = monitor.source.notes[printed:]
+        printed += len(news)
+        if (now := monitor.traffic.presence.note) != absent:
+            absent = now
+            news = [*filter(None, [absent]), *news]
+        sys.stdout.writelines(f"# {note}\n" for note in news)
         sys.stdout.flush()
 
     yield took, refresh
@@ -166,21 +173,34 @@ def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
 
 @contextmanager
 def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
-    """Provide a display of the table on the whole screen."""
+    """Provide a display of the table on the whole screen; what is complained of meanwhile is a note."""
     from rich.live import Live
 
     from eurobot_od.traffic.monitor import Size, screen  # here, as it needs rich
 
-    with Live(screen=True, auto_refresh=False) as live:  # without a thread of its own
+    complaints = io.StringIO()
+    with (
+        _told_later(complaints),
+        Live(screen=True, auto_refresh=False, redirect_stderr=False) as live,  # without a thread of its own
+        redirect_stderr(complaints),
+    ):
 
         def refresh() -> None:
             now = monitor.source.now
             size = Size(*shutil.get_terminal_size())
             load = monitor.traffic.load(now)
-            notes = monitor.source.notes
+            notes = [*complaints.getvalue().splitlines(), *monitor.source.notes]
             live.update(screen(monitor.traffic, monitor.controls, now, load, size, notes), refresh=True)
 
         yield lambda *_: None, refresh
+
+
+@contextmanager
+def _told_later(complaints: io.StringIO) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        sys.stderr.write(complaints.getvalue())
 
 
 # Single keys from a terminal

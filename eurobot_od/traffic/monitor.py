@@ -23,7 +23,9 @@ from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import EXTENDED, Frame, identifier_text
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import absence
 from eurobot_od.od.standard import HEARTBEAT_TIME
+from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support.texts import GAP, amount, columns, one_line
 from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, Timed, shortened
@@ -142,6 +144,36 @@ class NodesHealth:
             (health.pulse.boot if health.state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
 
 
+UNHEARD_AFTER = 5.0
+"""Time in s after which a node that has a file and was not heard counts as absent."""
+
+
+class Presence:
+    """Compares the nodes that are heard with those that have files, without asking any."""
+
+    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
+        self._files = {each.name: each.node_id for each in dictionaries}
+        self._heard = set[int]()
+        self._first: float | None = None
+        self._last = 0.0
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Process the meaning of a frame; a node without a file is heard by its heartbeat only."""
+        self._last = time
+        if self._first is None:
+            self._first = time
+        if meaning.name == HEARTBEAT and isinstance(meaning.raw, Frame):
+            self._heard.add(meaning.raw.cob_id - ERROR_CONTROL_BASE)
+        elif (node_id := self._files.get(meaning.sender)) is not None:
+            self._heard.add(node_id)
+
+    @property
+    def note(self) -> str:
+        """Which nodes with files are absent while others are there; empty if none is."""
+        is_early = self._first is None or self._last - self._first < UNHEARD_AFTER
+        return "" if is_early else absence(self._files.values(), self._heard)
+
+
 MOST_EXTENDED = 4096
 """Maximum number of distinct 29-bit identifiers; a J1939 bus has some hundred, a hostile one half a billion."""
 
@@ -160,6 +192,7 @@ class Traffic:
         self.rows: dict[int | str | Damage | tuple[str, int | str | Damage], MonitorRow] = {}
         self.health = NodesHealth(decoder.dictionaries)
         self.nodes = self.health.nodes
+        self.presence = Presence(decoder.dictionaries)
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
@@ -191,6 +224,7 @@ class Traffic:
         if (decoder := self.following.decoder(channel)) is not self._decoder:
             self._decoder = decoder
             self.health.learn(decoder.dictionaries)
+        self.presence.take(time, meaning)
         self.now = time
         self.frames += 1
         bus = self._bus(channel)
@@ -634,7 +668,8 @@ def screen(
     from rich.text import Text
 
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
-    room = max(size.height - 8, 1)
+    absent = traffic.presence.note
+    room = max(size.height - 8 - bool(absent), 1)
     top = controls.within(len(rows) - room)
     colours = {CANOPEN: SERVICE_COLOUR} | dict(zip(traffic.groups, COLOURS))
     table = _table(rows[top : top + room], now, colours, size.width)
@@ -643,7 +678,10 @@ def screen(
         colour = OLD if node.pulse.heard is None else "green"
         bad = node.pulse.lost(now) or node.emergency
         nodes.append(f"● {health(name, node, now)}   ", WRONG if bad else colour)
-    return Group(_top(traffic, load), nodes, table, _bottom(controls, len(rows) - room, notes))
+    lines = [_top(traffic, load), nodes]
+    if absent:
+        lines.insert(0, Text(absent, WRONG, no_wrap=True, overflow="ellipsis"))
+    return Group(*lines, table, _bottom(controls, len(rows) - room, notes))
 
 
 def _top(traffic: Traffic, load: tuple[float, float]) -> Text:

@@ -13,6 +13,8 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.traffic.formats import read
 
+MOTOR = Path(__file__).parents[2] / "docs" / "motor.eds"
+
 LOG = """\
 (10.000000) can0 182#
 (10.500000) can0 702#05
@@ -47,6 +49,16 @@ def test_monitor_records_the_watched_bus(log: Path, tmp_path: Path, capsys: pyte
     capsys.readouterr()
     with log.open("rb") as before, (tmp_path / "b.asc").open("rb") as after:
         assert [raw for *_, raw in read(after)] == [raw for *_, raw in read(before)]
+
+
+def test_other_nodes_than_those_of_the_files_are_named_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "other.log"
+    log.write_text("(1.0) can0 702#05\n(8.0) can0 705#05\n")
+    absent = "node 5 is on this bus, nodes 1, 3 are not"
+    assert cli.main(["monitor", str(log), "--speed", "max"]) == 0
+    assert capsys.readouterr().err.startswith(f"eurobot-od: {absent}\n")
 
 
 def test_damage_is_named_by_its_log_and_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,6 +121,34 @@ def test_a_dumb_terminal_gets_plain_lines(log: Path) -> None:
     assert b"\x1b" not in seen
     assert os.waitpid(child, 0)[1] == 0
     os.close(terminal)
+
+
+@pytest.mark.posix
+def test_a_device_that_is_exchanged_is_named_after_the_table(tmp_path: Path) -> None:
+    import pty
+
+    log = tmp_path / "exchanged.log"
+    product = "(1.{0}) can0 605#4018100200000000\n(1.{0}1) can0 585#43181002{1:02d}000000\n"
+    log.write_text(product.format(1, 5) + product.format(2, 7))
+    child, terminal = pty.fork()
+    if child == 0:
+        arguments = ["-m", "eurobot_od", "--robot", "none", "monitor", str(log), "--eds", f"5={MOTOR}"]
+        os.execve(sys.executable, [sys.executable, *arguments], os.environ | {"TERM": "xterm", "COLUMNS": "120"})
+    seen = _until(terminal, b"\x1b[?1049l")
+    assert os.waitpid(child, 0)[1] == 0
+    after = (seen + _rest(terminal)).rpartition(b"\x1b[?1049l")[2]
+    assert b"motor.eds is for another device: node 5 has product code 0x7, not 0x5" in after
+    os.close(terminal)
+
+
+def _rest(terminal: int) -> bytes:
+    seen = b""
+    while select.select([terminal], [], [], 0.1)[0]:
+        try:
+            seen += os.read(terminal, 1 << 16)
+        except OSError:  # the program has ended
+            break
+    return seen
 
 
 def _until(terminal: int, expected: bytes) -> bytes:

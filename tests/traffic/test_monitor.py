@@ -287,6 +287,24 @@ def test_a_bus_that_is_opened_again_is_read_on_and_the_gap_noted() -> None:
     source.close()
 
 
+@pytest.mark.parametrize(
+    ("frames", "note"),
+    [
+        ([(0, 0x705), (6, 0x705)], "node 5 is on this bus, nodes 1, 2, 3 are not"),
+        ([(0, 0x705), (4, 0x705)], ""),  # too early to say
+        ([(0, 0x702), (6, 0x702)], ""),  # no node is there in place of the others
+        ([(0, 0x705), (1, 0x701), (2, 0x182), (6, 0x703)], ""),
+        ([], ""),
+    ],
+)
+def test_the_node_that_is_heard_in_place_of_those_of_the_files(
+    traffic: Traffic, frames: list[tuple[float, int]], note: str
+) -> None:
+    for time, cob_id in frames:
+        traffic.take(time, Frame(cob_id, b"\5" if cob_id > 0x700 else b""))
+    assert traffic.presence.note == note
+
+
 def test_two_buses_are_not_one(traffic: Traffic) -> None:
     for number in range(10):
         traffic.take(number / 20, REQUEST, channel=f"can{number % 2}")
