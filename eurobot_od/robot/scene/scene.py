@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.robot_file import Barrier, Facts, Field, Start
+from eurobot_od.robot.model.robot_file import Barrier, Facts, Field, Start, Worth
 from eurobot_od.robot.model.values import OURS, Outcome, TeamColour
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop, Recording, TouchMark, at
@@ -47,7 +47,27 @@ def ground(facts: Facts, team: TeamColour | None = None) -> str:
         *(svg.moved(on_paper(field, *each.point), _barrier(each)) for each in facts.barriers),
         svg.rectangle((0, 0), field.width, field.height, fill="none", stroke=style.INK, stroke_width=field.border),
         *(svg.circle(on_paper(field, *each), trees.radius, fill=style.TREE) for each in trees.places),
+        *_tasks(facts, team),
     )
+
+
+WORTH = {
+    Worth.POINTS: ("{most}", "{tries} x {points} points"),
+    Worth.FRUIT: ("{most}f", "{tries} x {points} pieces of fruit"),
+    Worth.HARVEST: ("{most}/f", "{most} point for each piece of fruit"),
+}
+"""What the sign of a task says, and what its tooltip says, by what the task is worth."""
+
+
+def _tasks(facts: Facts, team: TeamColour | None) -> Iterator[str]:
+    """Yield the signs of a team's tasks, without a team those of both."""
+    teams = [team] if team else [*facts.field.starts]
+    for task in dict.fromkeys(each for one in teams for each in facts.tasks(one).values()):
+        values = {"most": task.tries * task.points, **task._asdict()}
+        sign, words = (each.format_map(values) for each in WORTH[task.worth])
+        about = svg.title(f"{task.name}: {words}, each by {task.chance:.0%}; {task.seconds:g} s")
+        place = on_paper(facts.field, task.at.x, task.at.y)
+        yield svg.moved(place, svg.group(style.task_mark(sign, about), class_="sign task"))
 
 
 def _grid(field: Field) -> Iterator[str]:
@@ -280,6 +300,8 @@ def legend(facts: Facts) -> Iterator[Explained]:
     yield Explained("goto, reached", style.goto_mark(1, Outcome.ARRIVED))
     yield Explained("goto, not reached", style.goto_mark(2, Outcome.STOPPED))
     yield Explained("stop", style.stop_mark("A"))
+    if facts.red_tasks:
+        yield Explained("task: points at most, or f: fruit", style.task_mark("6"))
     for passage, (words, *_) in style.PASSAGES.items():
         yield Explained(words, style.ring_mark(26, passage))
     for kind in dict.fromkeys(each.kind for each in facts.barriers):

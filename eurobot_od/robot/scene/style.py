@@ -183,6 +183,11 @@ def _sign(shape: str, words: str, fill: str, *content: str) -> str:
     return svg.group(*content, shape, label((0, 11), words, fill, SMALL, font_weight="bold"))
 
 
+def task_mark(worth: str, *content: str) -> str:
+    """Return the sign of a task with what it is worth."""
+    return _sign(svg.polygon(around(MARK + 6, 4), fill=PAPER, stroke=INK, stroke_width=4), worth, INK, *content)
+
+
 def touch_mark(at_fault: bool, *content: str) -> str:
     """Return the burst of a touch, filled if our robot drove into the other."""
     spikes = [corner for turn in range(0, 360, 45) for corner in (*around(30, 1, turn), *around(13, 1, turn + 22.5))]

@@ -127,6 +127,21 @@ def test_pools_stand_where_they_stand() -> None:
     assert circles(field_of(drawn()), fill=style.FIXED) == expected
 
 
+def test_tasks_stand_at_their_places_with_what_they_are_worth() -> None:
+    found = {}
+    for each, x, y in placed(field_of(drawn())):
+        if each.get("class") == "sign task":
+            (title,), (worth,) = titles(each), words(each)
+            found[title.partition(":")[0]] = (x, FACTS.field.height - y, worth, title)
+    tasks = FACTS.tasks(TeamColour.RED)
+    assert {name: place[:2] for name, place in found.items()} == {each.name: each.at[:2] for each in tasks.values()}
+    assert {name: found[name][2] for name in ("fire 1", "tree 1", "mammoth", "frescos", "basket")} == {
+        "fire 1": "1", "tree 1": "3f", "mammoth": "12", "frescos": "6", "basket": "1/f",
+    }  # fmt: skip
+    assert found["mammoth"][3] == "mammoth: 6 x 2 points, each by 60%; 4 s"
+    assert "task: points at most, or f: fruit" in words(drawn())
+
+
 def test_asked_barriers_are_ringed_by_their_passage() -> None:
     rings = [
         (x, y, each.get("stroke-dasharray"))
@@ -145,7 +160,7 @@ def test_gotos_to_one_place_share_its_mark_and_have_their_own_discs() -> None:
 
 
 def test_stops_and_gotos_say_everything_under_the_pointer() -> None:
-    assert titles(drawn()) == [
+    assert titles(drawn())[len(FACTS.red_tasks) :] == [
         "fire 1",
         "pool 2",
         "enemy 1",
@@ -213,7 +228,7 @@ def test_our_points_are_in_the_summary() -> None:
 def test_a_log_alone_knows_neither_touches_nor_points() -> None:
     drawing = drawn()
     assert bursts(drawing) == []
-    assert not [each for each in words(drawing) if "touch" in each or "points" in each]
+    assert not [each for each in words(drawing) if "touch" in each or each.endswith(" points")]
 
 
 @pytest.mark.parametrize("title", ["<b>&\"' Größe", "]]>", "-->"])
