@@ -29,6 +29,7 @@ OPTIONS = (
     "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
     "--disable-backgrounding-occluded-windows",
     "--blink-settings=primaryHoverType=2,availableHoverTypes=2",  # as with a mouse
+    "--force-prefers-reduced-motion",  # a match does not play before a test wants it to
     "--enable-precise-memory-info", "--remote-debugging-port=0",
 )  # fmt: skip
 

@@ -55,7 +55,10 @@ def _renderer() -> ModuleType:
 
 
 def side_by_side(matches: Mapping[str, SeenMatch], title: str) -> bytes:
-    """Return a page that plays matches of one robot side by side, by one clock, each with its name."""
+    """Return a page that plays matches of one robot side by side, by one clock, each with its name.
+
+    It opens playing, unless it is loaded again, or the browser's user wants less motion.
+    """
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.robot.scene.panel import field_panel, true_path, truth_events
     from eurobot_od.web.page import Columns, page
@@ -68,7 +71,7 @@ def side_by_side(matches: Mapping[str, SeenMatch], title: str) -> bytes:
         truth = match.truth.later(-(columns.start or 0.0))
         columns.add(truth_events(truth, match.facts))
         sources.append(columns.data(true_path(truth)))
-    return page(title, sources, panels).encode()
+    return page(title, sources, panels, plays=True).encode()
 
 
 def _png(drawing: str) -> bytes:

@@ -177,7 +177,10 @@ function assembled(tabs, status, line, stop, failures, alarms) {
 function reopen(begins) {                   // a log opens where there is something to see, or where this window has left it
   const log = JSON.stringify([sources.map(each => each.name), clock.end]), left = kept("place", {}, sessionStorage);
   if (left.log === log) { clock.seek(left.time); Object.assign(plots, left.plots); }
-  else if (begins < Infinity) clock.seek(begins);
+  else {
+    if (begins < Infinity) clock.seek(begins);
+    if (content.plays && !matchMedia("(prefers-reduced-motion: reduce)").matches) clock.play();
+  }
   addEventListener("pagehide", () => keep("place", {log, time: clock.time, plots: {zoomed: plots.zoomed, marks: plots.marks}}, sessionStorage));
 }
 

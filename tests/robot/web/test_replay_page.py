@@ -322,6 +322,18 @@ def test_it_opens_where_somebody_is_seen_first(page: Page) -> None:
     page.wait("document.querySelector('.robot[visibility=visible]')")
 
 
+def test_a_match_opens_playing_unless_it_is_loaded_again(logs: list[Path], window: Page, tmp_path: Path) -> None:
+    file = tmp_path / "match.html"
+    assert cli.main(["field", str(logs[0]), "-o", str(file)]) == 0
+    window.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "no-preference"}])
+    window.open(file.as_uri())
+    window.wait(f"clock.running && {SHOWN} > 0.5")
+    window.run("clock.pause()")
+    window.reload()
+    assert not window.run("clock.running")
+    window.call("Emulation.setEmulatedMedia", features=[])
+
+
 def test_a_reload_keeps_the_place_in_the_log(page: Page) -> None:
     page.run("clock.seek(4.25); plots.put('A', 3); plots.zoom([2, 5])")
     page.reload()
