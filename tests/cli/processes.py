@@ -28,9 +28,9 @@ def serve_bus(name: str) -> Iterator[str]:
 
 
 @contextmanager
-def killed_if_it_hangs(command: list[str]) -> Iterator[subprocess.Popen[str]]:
+def killed_if_it_hangs(command: list[str], patience: float = PATIENCE) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        watchdog = threading.Timer(PATIENCE, process.kill)
+        watchdog = threading.Timer(patience, process.kill)
         watchdog.start()
         try:
             yield process
@@ -47,9 +47,9 @@ def in_background(*words: str) -> AbstractContextManager[subprocess.Popen[str]]:
     return killed_if_it_hangs([sys.executable, "-c", ignoring, sys.executable, "-m", "eurobot_od", *words])
 
 
-def command(*words: str) -> AbstractContextManager[subprocess.Popen[str]]:
+def command(*words: str, patience: float = PATIENCE) -> AbstractContextManager[subprocess.Popen[str]]:
     """Run a command in a process of its own, and kill it if it hangs."""
-    return killed_if_it_hangs([sys.executable, "-m", "eurobot_od", *words])
+    return killed_if_it_hangs([sys.executable, "-m", "eurobot_od", *words], patience)
 
 
 def node(*words: str) -> AbstractContextManager[subprocess.Popen[str]]:
