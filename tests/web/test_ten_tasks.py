@@ -96,13 +96,13 @@ def scan(window: Page, _: Bench) -> None:
     """Scan, and give a file for each node that has none; one file describes both motors."""
     window.click("#tab-nodes")
     press(window, "nodes", "Scan")
-    files = "[...document.querySelectorAll('#view-nodes .found tbody tr')].map(each => each.textContent)"
-    arrives(window, f"{files}.length === 3 && !runningJob()")
-    for file, number in ((MOTOR, 2), (SERVO, 1)):
-        row = f"#view-nodes .found tbody tr:nth-child({'1' if file is MOTOR else '3'})"
-        drop(window, f"{row} input[type=file]", file)
-        arrives(window, f"{files}.filter(each => each.includes('{file.name}')).length === {number} && !runningJob()")
-    arrives(window, "connection.alive && sources[0].nodes.length === 3")
+    rows = "[...document.querySelectorAll('#view-nodes .found tbody tr')].map(each => each.textContent)"
+    arrives(window, f"{rows}.length === 3 && !runningJob()")
+    for file, place, known in ((MOTOR, 1, 2), (SERVO, 3, 3)):
+        drop(window, f"#view-nodes .found tbody tr:nth-child({place}) input[type=file]", file)
+        listed = f"{rows}.length === 3 && {rows}[{place - 1}].includes('{file.name}')"
+        # The page loads itself again once it has heard of a device.
+        arrives(window, f"connection.alive && sources[0].nodes.length === {known} && {listed} && !runningJob()")
 
 
 def browse(window: Page, _: Bench) -> None:

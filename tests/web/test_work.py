@@ -183,6 +183,20 @@ def test_a_link_and_a_layout_show_the_same_view_with_its_filters(window: Page, s
     window.wait(f"document.querySelector('#tab-trace[aria-selected=true]') && {box}.value === '705,706'")
 
 
+def test_a_search_right_after_the_groups_are_drawn_lists_what_it_finds(window: Page, scene: Scene) -> None:
+    opened(window, scene, "objects")
+    window.wait("document.querySelectorAll('#view-objects details').length > 1")
+    # The browser tells a group that it is open only after the search has replaced it.
+    window.run("""(box => {
+        for (const text of ["", "1017"]) {
+            box.value = text;
+            box.dispatchEvent(new Event("input"));
+        }
+        return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())));
+    })(document.querySelector("#view-objects input[type=search]"))""")
+    assert window.run("document.querySelectorAll('#view-objects tbody tr').length") == 1
+
+
 def test_a_list_is_started_together_kept_and_ended_by_stop(window: Page, scene: Scene) -> None:
     opened(window, scene, "send")
     chosen(window, "#view-send select[aria-label=message]", "(a frame as bytes)")

@@ -76,7 +76,7 @@ class ObjectGroup {                         // lines under a heading, which are 
       h("button", {onclick: () => view.readAll(lines), "aria-label": `Read group ${title}`}, "Read group"));
   }
   fill() {
-    if (!this.details.open || this.body.childElementCount) return;
+    if (!this.details.open || !this.details.isConnected || this.body.childElementCount) return;   // a group that a search has replaced would take its lines away
     if (!this.inner) { this.body.append(objectTable(this.lines)); return; }
     const records = new Map();
     for (const line of this.lines) records.set(line.index, [...(records.get(line.index) || []), line]);
