@@ -20,14 +20,9 @@ from typing import Annotated, Any, NamedTuple
 from eurobot_od.check.values import Expected, FieldValues, Scale, expectation
 from eurobot_od.errors import LocalError, RemoteError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
-from eurobot_od.pdo.binding import parse
-from eurobot_od.pdo.kinds import Message
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.protocol import FrameToSend, Protocol, frame_to_send
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_shapes import DURATION, SCALAR, converted, listing, read_yaml, shape_of
-
-FRAME_MARK = "#"
-"""Stands in a frame in candump's notation, and in no name of a message."""
 
 MOST_ROWS = 100
 
@@ -62,23 +57,6 @@ class WrittenRow(NamedTuple):
         if self.burst > 1:
             said["burst"] = int(self.burst)
         return {name: each for name, each in (said | {"trigger": str(self.trigger)}).items() if each}
-
-
-class SentThing(NamedTuple):
-    """A frame to be sent, and the message that it is; None for one that is written as bytes."""
-
-    frame: Frame
-    message: Message | None
-
-
-def read_thing(protocol: Protocol, text: str, fields: Sequence[str]) -> SentThing:
-    """Read a frame, or the name of a message with `name=value` texts; raises as `parse`."""
-    if FRAME_MARK not in text:
-        message = parse(protocol.binding(text), fields)
-        return SentThing(protocol.encode(message), message)
-    if fields:
-        raise LocalError(f"the frame {text} has no fields: {', '.join(fields)}")
-    return SentThing(Frame.parse(text), None)
 
 
 class Trigger(NamedTuple):
@@ -124,7 +102,7 @@ class SendRow(NamedTuple):
     """A row that can be sent."""
 
     written: WrittenRow
-    thing: SentThing
+    thing: FrameToSend
     trigger: Trigger | None
 
 
@@ -144,7 +122,7 @@ def _row(protocol: Protocol, written: WrittenRow) -> SendRow:
     length = (written.gap or 0) * (written.burst - 1)
     if written.period is not None and length >= written.period:
         raise LocalError(f"the burst takes {length:g} s, which is not shorter than the period of {written.period:g} s")
-    thing = read_thing(protocol, written.send, [f"{name}={value}" for name, value in written.fields.items()])
+    thing = frame_to_send(protocol, written.send, [f"{name}={value}" for name, value in written.fields.items()])
     return SendRow(written, thing, Trigger.parse(protocol, written.trigger) if written.trigger else None)
 
 

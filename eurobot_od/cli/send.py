@@ -7,23 +7,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Annotated
 
 from eurobot_od.bus.live import Driver, FrameReader
-from eurobot_od.check.sending import FRAME_MARK, RunningList, SendRow, read_list, read_thing
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, Seconds
 from eurobot_od.cli.signature import Option
-from eurobot_od.client.master import Master
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message, describe
-from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.files import read_whole
+from eurobot_od.pdo.protocol import FRAME_MARK, Protocol, frame_to_send
 from eurobot_od.support.texts import amount, one_line
 
 if TYPE_CHECKING:
@@ -31,9 +26,6 @@ if TYPE_CHECKING:
 
 PATIENCE = 1.0
 """Maximum time for the driver to accept a frame, in s."""
-
-LOOK = 0.1
-"""Longest time in s between two looks at a list that waits."""
 
 LISTS = (".yaml", ".yml")
 
@@ -62,9 +54,9 @@ def send(
     if message.endswith(LISTS):
         if fields or expect:
             raise LocalError(f"{message} is a list: it takes no fields, and no --expect")
-        protocol = devices.decoder().protocol
-        rows = read_list(read_whole(Path(message)).decode("utf-8", "replace"), message, protocol)
-        print(f"{amount(send_list(bus, rows, protocol), 'frame')} sent")
+        from eurobot_od.cli.send_list import send_list  # here, as one frame needs neither YAML nor a master
+
+        print(f"{amount(send_list(message, devices.decoder().protocol, bus), 'frame')} sent")
         return ExitStatus.FINE
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
     # Frames can be sent without files.
@@ -93,7 +85,7 @@ def send(
 
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
     """Return the frame to send, from a message's name or candump's notation, and its meaning; raises as `parse`."""
-    frame, message = read_thing(protocol, text, fields)
+    frame, message = frame_to_send(protocol, text, fields)
     return frame, meaning(protocol, frame) if message is None else _words(protocol, message)
 
 
@@ -124,23 +116,6 @@ def transmit(driver: Driver, frame: Frame) -> None:
     """Send a frame; raises BusError."""
     if not driver.send(frame, PATIENCE):
         raise BusError("the bus did not take the frame")
-
-
-def send_list(bus: BusOptions, rows: Sequence[SendRow], protocol: Protocol) -> int:
-    """Send a list until it is over, or Ctrl-C; return the number of frames sent. Raises BusError."""
-    with Master(bus.open()) as master:
-        running, driver = RunningList(rows, protocol, master.clock()), Driver(master.bus)
-
-        def hear(cob_id: int, data: bytes, _: float) -> None:
-            running.take(master.clock(), Frame(cob_id, data))
-
-        with master.observed(hear), suppress(KeyboardInterrupt):
-            while not running.is_over:
-                master.pump(min(running.next - master.clock(), LOOK), lambda: running.next <= master.clock())
-                for frame in running.due(master.clock()):
-                    transmit(driver, frame)
-                    running.take(master.clock(), frame)  # the driver does not give it back
-    return running.sent
 
 
 def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -> tuple[Frame, float] | None:

@@ -7,14 +7,14 @@ not fit, loading raises an error with file and index.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 from typing import Protocol as Interface
 
-from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, shown_identifier
+from eurobot_od.errors import LocalError, MappingError, UnknownIdentifier, UnknownName, shown_identifier
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
@@ -22,7 +22,7 @@ from eurobot_od.od.network import is_network, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import ALL_NODES, PdoDirection
 from eurobot_od.od.words import error_words, profile_of
-from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.binding import Binding, parse
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
@@ -287,3 +287,27 @@ class ErrorWords(NamedTuple):
 def pdo_names(dictionary: Dictionary) -> list[str]:
     """Return the names of a device's PDOs, as the catalogue has them."""
     return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]
+
+
+FRAME_MARK = "#"
+"""Occurs in each frame in candump's notation, and in no name of a message."""
+
+
+class FrameToSend(NamedTuple):
+    """A frame to send, and its message; None for a frame that is written as bytes."""
+
+    frame: Frame
+    message: Message | None
+
+
+def frame_to_send(protocol: Protocol, text: str, fields: Sequence[str]) -> FrameToSend:
+    """Read a frame in candump's notation, or the name of a message with `name=value` fields.
+
+    Raises UnknownName, FieldError or LocalError.
+    """
+    if FRAME_MARK not in text:
+        message = parse(protocol.binding(text), fields)
+        return FrameToSend(protocol.encode(message), message)
+    if fields:
+        raise LocalError(f"the frame {text} has no fields: {', '.join(fields)}")
+    return FrameToSend(Frame.parse(text), None)

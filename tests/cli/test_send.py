@@ -263,7 +263,7 @@ def test_a_list_waits_for_its_trigger_until_ctrl_c(
         if len(sent) == 2:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("eurobot_od.cli.send.transmit", ended)
+    monkeypatch.setattr("eurobot_od.cli.send_list.transmit", ended)
     file.write_text("- {send: 185#01}\n- {send: 100#, trigger: 185}\n")
     assert send(capsys, str(file)).out == "2 frames sent\n"
     assert sent == [Frame(0x185, b"\1"), Frame(0x100)]
