@@ -555,7 +555,8 @@ def test_help_answers_a_newcomer() -> None:
 @pytest.mark.parametrize("thing", [simulated, RemoteDevice, Protocol])
 def test_the_example_of_a_docstring_runs(thing: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(DOCS)
-    indented = [line for line in (inspect.getdoc(thing) or "").splitlines() if line.startswith("    ")]
+    text, _, _ = (inspect.getdoc(thing) or "").partition("\nArgs:")
+    indented = [line for line in text.splitlines() if line.startswith("    ")]
     assert indented
     exec(textwrap.dedent("\n".join(indented)), {"simulated": simulated, "Protocol": Protocol})
 
