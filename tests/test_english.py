@@ -84,15 +84,7 @@ def test_no_text_is_multiplied_by_a_condition(folder: str) -> None:
     assert wrong == [], "write a conditional expression"
 
 
-OPEN = (
-    "eurobot_od/cli",
-    "eurobot_od/robot",
-    "eurobot_od/web",
-    "tests/kit",
-    "tests/properties",
-    "tests/robot",
-    "tests/web",
-)
+OPEN: tuple[str, ...] = ()
 """Rooms that do not meet the rules below yet; the list goes when all do."""
 
 ROOMS = [

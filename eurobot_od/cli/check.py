@@ -328,7 +328,7 @@ class Checks:
         return replace(self, devices=replace(self.devices, dialect=dialect))
 
     def complain_of_strangers(self) -> None:
-        """Say which of the devices whose files are named is another one, or is not there while others are."""
+        """Report each device that is not its file's, or is missing while others answer."""
         from eurobot_od.client.description import read_numbers, scan
         from eurobot_od.client.master import Master
         from eurobot_od.library.library import identity_of

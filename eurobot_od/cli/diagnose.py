@@ -59,7 +59,7 @@ def diagnose(
     names: FrameNames,
     bus: BusOptions,
 ) -> ExitStatus:
-    """Say what is wrong in logs, or on a bus, and what to do: a verdict in one line, then incidents, worst first.
+    """Report what is wrong in logs or on a bus: a verdict in one line, then incidents with remedies, worst first.
 
     Exit status 1 if there is an incident of the level of --fail-on, or worse.
 

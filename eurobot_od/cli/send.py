@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Annotated
 
-from eurobot_od.bus.live import Driver, FrameReader
+from eurobot_od.bus.live import FrameReader, transmit
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, Seconds
@@ -23,9 +23,6 @@ from eurobot_od.support.texts import amount, one_line
 
 if TYPE_CHECKING:
     import can
-
-PATIENCE = 1.0
-"""Maximum time for the driver to accept a frame, in s."""
 
 LISTS = (".yaml", ".yml")
 
@@ -68,7 +65,7 @@ def send(
     driver = bus.open()
     if expect is None or expected is None:
         with driver:
-            transmit(Driver(driver), frame)
+            transmit(driver, frame)
         print(sent)
         return ExitStatus.FINE
     answer = exchange(driver, frame, expected, within)
@@ -112,12 +109,6 @@ def _words(protocol: Protocol, message: Message) -> str:
     return f"{binding.name}  {describe(message, binding.kinds)}".rstrip()
 
 
-def transmit(driver: Driver, frame: Frame) -> None:
-    """Send a frame; raises BusError."""
-    if not driver.send(frame, PATIENCE):
-        raise BusError("the bus did not take the frame")
-
-
 def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -> tuple[Frame, float] | None:
     """Send a frame and wait for one with the COB-ID of `expected`, whose data begin like its data.
 
@@ -133,7 +124,7 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
     # on Windows.
     with FrameReader(bus, seen, time.perf_counter, failed=came.put):
         started = time.perf_counter()
-        transmit(Driver(bus), question)
+        transmit(bus, question)
         try:
             answer = came.get(timeout=within)
         except Empty:

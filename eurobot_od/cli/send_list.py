@@ -5,10 +5,9 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-from eurobot_od.bus.live import Driver
+from eurobot_od.bus.live import transmit
 from eurobot_od.check.sending import RunningList, read_list
 from eurobot_od.cli.options import BusOptions
-from eurobot_od.cli.send import transmit
 from eurobot_od.client.master import Master
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
@@ -25,7 +24,7 @@ def send_list(file: str, protocol: Protocol, bus: BusOptions) -> int:
     """
     rows = read_list(read_whole(Path(file)).decode("utf-8", "replace"), file, protocol)
     with Master(bus.open()) as master:
-        running, driver = RunningList(rows, protocol, master.clock()), Driver(master.bus)
+        running = RunningList(rows, protocol, master.clock())
 
         def hear(cob_id: int, data: bytes, _: float) -> None:
             running.take(master.clock(), Frame(cob_id, data))
@@ -34,6 +33,6 @@ def send_list(file: str, protocol: Protocol, bus: BusOptions) -> int:
             while not running.is_over:
                 master.pump(min(running.next - master.clock(), LOOK), lambda: running.next <= master.clock())
                 for frame in running.due(master.clock()):
-                    transmit(driver, frame)
+                    transmit(master.bus, frame)
                     running.take(master.clock(), frame)  # the driver does not give it back
     return running.sent

@@ -258,7 +258,7 @@ class ServedPage:
         return bus and BusChoice(bus.interface, bus.channel, bus.bit_rate and 1000 * bus.bit_rate)
 
     def _keep_bus(self, choice: BusChoice) -> None:
-        """Have the workspace say the bus, if there is a workspace."""
+        """Write the bus into the workspace, if there is one."""
         if self.folder:
             file, rate = self.folder / DEFAULT, choice.bit_rate and choice.bit_rate // 1000
             text = network.with_bus(read_whole(file).decode("utf-8", "replace"), NetworkBus(*choice[:2], rate))

@@ -348,11 +348,11 @@ class RemoteNode:
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
         self.own_wait: float | None = None
-        """Seconds that this node has for an answer, None for those that the master gives all nodes."""
+        """Timeout of this node's answers in s; None: the master's."""
 
     @property
     def answer_wait(self) -> float:
-        """Seconds that it has for an answer."""
+        """Timeout of its answers, in s."""
         return self.master.answer_wait if self.own_wait is None else self.own_wait
 
     @Procedure

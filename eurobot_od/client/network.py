@@ -358,7 +358,7 @@ class NetworkLss(LssOfNetwork, NamedAsInCanopen):
     NORMAL_MODE, CONFIGURATION_MODE = LssState.WAITING, LssState.CONFIGURATION
 
     RESPONSE_TIMEOUT = LSS_WAIT
-    """Seconds that a device has for each answer."""
+    """Timeout of each answer of a device, in s."""
 
     def _one(self, steps: LssSteps[Result]) -> Result:
         return lss.perform(self._network.master, steps, self.RESPONSE_TIMEOUT)
@@ -396,12 +396,12 @@ class NetworkLss(LssOfNetwork, NamedAsInCanopen):
         return self._one(lss.inquire_identity())[req_cs - Lss.INQUIRE]
 
     def configure_bit_timing(self, new_bit_timing: int) -> None:
-        """Give it a bit rate by its number in the table of CiA 305 (2 is 500 kbit/s); raises RemoteError, NoAnswer."""
+        """Set its bit rate by the number in the table of CiA 305 (2 is 500 kbit/s); raises RemoteError, NoAnswer."""
         rates = {str(number): kbit for kbit, number in BIT_RATES.items()}
         self._one(lss.configure_bit_rate(look_up("bit timing", str(new_bit_timing), rates)))
 
     def activate_bit_timing(self, switch_delay_ms: int) -> None:
-        """Have the devices that are being configured change their bit rate after so many ms; they do not answer."""
+        """Order the devices in configuration to change their bit rate after a delay in ms; they do not answer."""
         self._one(lss.activate_bit_rate(switch_delay_ms / 1000))
 
     def store_configuration(self) -> None:

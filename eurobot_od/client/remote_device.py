@@ -537,7 +537,7 @@ class NodeNmt(NmtOfNode):
         return self.state
 
     def add_heartbeat_callback(self, function: Callable[[int], object]) -> None:
-        """Have a function called with the number of the state in each heartbeat and boot-up message."""
+        """Register a function that is called with the number of the state in each heartbeat and boot-up message."""
         master = self._node.master
 
         def hear(cob_id: int, data: bytes, _: float) -> None:
@@ -619,7 +619,7 @@ class RemoteDevice(DeviceAtNode, NamedAsInCanopen):
         return self.network is not None
 
     def remove_network(self) -> None:
-        """Have its network forget it."""
+        """Remove it from its network."""
         del self.network[self.node_id]
 
     @property

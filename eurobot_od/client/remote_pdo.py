@@ -155,7 +155,7 @@ class BlockingPdoStream(PdoStream, BlockingStream[PdoReading]):
             return None
 
     def add_callback(self, function: Callable[[PdoAsHeard], object]) -> None:
-        """Have a function called with this PDO each time that it has come; see `on`."""
+        """Register a function that is called with this PDO each time that it has come; see `on`."""
         self.on(lambda _: function(PdoAsHeard(self)))
 
     @property

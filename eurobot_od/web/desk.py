@@ -251,12 +251,12 @@ class Desk:
         return self._guard[1]
 
     def confirm(self, said: Arguments, reason: str) -> None:
-        """Raise MayMove for what may move something, unless the person is sure."""
+        """Refuse what may move something, unless the person is sure; raises MayMove."""
         if reason and said.get("sure") is not True:
             raise MayMove(reason)
 
     async def confirm_frames(self, said: Arguments, *frames: Frame) -> None:
-        """Raise MayMove for frames that may move something, unless the person is sure."""
+        """Refuse frames that may move something, unless the person is sure; raises MayMove."""
         if said.get("sure") is not True:
             reasons = [await self._why(each) for each in frames]
             self.confirm(said, "; ".join(filter(None, dict.fromkeys(reasons))))

@@ -92,14 +92,14 @@ def test_a_log_is_shown_and_what_is_wrong_in_it_is_said(pages: Pages, serve: Ser
     assert (shown[0].title, source["name"], source["left_out"], content["leave"]) == ("one.log", "one.log", 0, False)
     assert "comparison" not in content
     assert source["diagnosis"]["incidents"]
-    assert list(shown[0].posts) == ["/files"]
+    assert list(shown[0].posts) == ["/files", "/log"]
 
 
 def test_what_a_page_cannot_hold_is_said(pages: Pages, serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     pages()
     monkeypatch.setattr("eurobot_od.web.page.MOST_FRAMES", 2)
     said = serve("one.log", "--eds", "5=motor.eds")
-    assert "one.log: 1 frames are left out: a page cannot hold them all" in said.complaint
+    assert "one.log: 1 frames are left out: only logs of lines, not packed, are shown whole" in said.complaint
 
 
 def test_two_logs_are_compared(pages: Pages, serve: Serve) -> None:
@@ -163,7 +163,9 @@ def test_what_is_chosen_is_shown_until_it_is_left(pages: Pages, serve: Serve, tm
     assert shown[1].content["leave"]
     assert shown[3].desk is not None
     assert shown[3].desk.folder == tmp_path
-    assert (tmp_path / "eurobot-od.yaml").read_text() == "library: [devices]\n"
+    assert (tmp_path / "eurobot-od.yaml").read_text() == (
+        'library: [devices]\nbus: {"interface": "virtual", "channel": "chosen"}\n'
+    )
 
 
 def test_a_page_that_is_ended_ends_the_command(pages: Pages, serve: Serve) -> None:

@@ -149,4 +149,4 @@ def test_a_procedure_is_called_at_once_or_awaited() -> None:
         return 2 * number
 
     assert double(3) == asyncio.run(double.steps(3)) == 6
-    assert double.__doc__ == "Say twice as much."
+    assert double.__doc__ == "Return twice the number."

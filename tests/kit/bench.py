@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 
 
 def put(node: Node, setting: str, value: int) -> None:
-    """Give a setting a value."""
+    """Set a setting."""
     node.device.objects.put(node.device.dictionary.address(setting), value)
 
 
@@ -85,18 +85,18 @@ class Bench:
     # What happens
 
     def run(self, seconds: float) -> None:
-        """Let the time pass."""
+        """Advance the simulated time."""
         self.network.run(self.network.now + seconds)
 
     def say(self, peer: str, *what: Message | Frame, within: float = 0.01) -> None:
-        """Have a stand-in send messages and frames, each when the one before got through, then let time pass."""
+        """Send messages and frames from a stand-in, each when the one before got through, then advance the time."""
         for each in what:
             self.peer(peer).say(each)
             self.run(0.001)
         self.run(within)
 
     def command(self, peer: str, command: NmtCommand, node_id: int = 0) -> None:
-        """Have a stand-in send an NMT command."""
+        """Send an NMT command from a stand-in."""
         self.say(peer, Frame(NMT_COB_ID, bytes([command, node_id])))
 
     def play(self, coroutine: Coroutine[Any, Any, Result]) -> Result:
@@ -114,7 +114,7 @@ class Bench:
         self.stations[name] = self.network.attach(node, start=self.now)
 
     def lose(self, *message_types: type[Message], count: int | None = None) -> None:
-        """Have the next `count` frames of these messages reach nobody, None: all from now on; nothing else is lost."""
+        """Lose the next `count` frames of these messages, None: all from now on; nothing else is lost."""
         cob_ids = {self.protocol.cob_id(each) for each in message_types}
         left = itertools.count() if count is None else iter(range(count))
 
@@ -124,7 +124,7 @@ class Bench:
         self.network.disturb = disturb
 
     def download(self, peer: str, name: str, index: int, subindex: int, value: int, size: int = 4) -> None:
-        """Have a stand-in write a number to a node: an expedited download (CiA 301, 7.2.4.3.3)."""
+        """Write a number to a node from a stand-in: an expedited download (CiA 301, 7.2.4.3.3)."""
         node_id = self.nodes[name].device.node_id
         address = index.to_bytes(2, "little") + bytes([subindex])
         request = bytes([0x23 | 4 - size << 2]) + address + value.to_bytes(4, "little")

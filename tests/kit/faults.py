@@ -73,7 +73,7 @@ Taken: TypeAlias = "Callable[[Node, Address, bytes], bool]"
 
 
 def taking(taken: Taken, *, keeps: bool = True) -> Mixin:
-    """Have the node confirm what is written at once, and keep it or not, without doing what it means."""
+    """Return a node that confirms what is written at once, and keeps it or not, without doing what it means."""
 
     class Taking(Node):
         def receive(self, frame: Frame, now: float) -> list[Frame]:
@@ -166,7 +166,7 @@ def _of(wanted: Address, *contents: bytes) -> Taken:
 
 
 def _instead(*, of: AbortCode, by: AbortCode) -> Mixin:
-    """Have the node refuse with another code."""
+    """Return a node that refuses with another code."""
 
     def changed(_: Node, frame: Frame) -> Iterable[Frame]:
         refused = frame.data[0] == wire.ABORT and Initiate.of(frame.data).number == of
@@ -193,7 +193,7 @@ def _where(specifier: int, change: Callable[[bytes], bytes]) -> FrameChange:
 
 
 def _no_error(data: bytes) -> bytes:
-    """Say in an answer that 0x1001 has no error."""
+    """Return an answer in which 0x1001 has no error."""
     is_register = data[0] >> 5 == ServerCommand.UPLOAD and Initiate.of(data).address == ERROR_REGISTER
     return data[:4] + bytes(4) if is_register else data
 
@@ -349,7 +349,7 @@ class VerifiedForGood(Node):
 
 
 def refusing(refused: Taken, code: AbortCode) -> Mixin:
-    """Have the node refuse what it should take."""
+    """Return a node that refuses what it should take."""
 
     class Refusing(Node):
         def receive(self, frame: Frame, now: float) -> list[Frame]:

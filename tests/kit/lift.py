@@ -510,7 +510,7 @@ class Panel(LiftNode):
         return self.begin(script())
 
     def move(self, target: MoveTo) -> Call[None]:
-        """Have the cabin move; the call ends when it has arrived, and one that ends before halts it."""
+        """Move the cabin; the call ends when it has arrived, and one that ends before halts it."""
 
         def script() -> Script[None]:
             yield START

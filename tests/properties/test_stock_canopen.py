@@ -170,7 +170,7 @@ def set_stock_value(variable: Any, value: int) -> None:
 
 @pytest.fixture(autouse=True)
 def quiet() -> Iterator[None]:
-    """Let canopen not tell of every random value that is over a limit."""
+    """Silence canopen's log, which has a line for every random value that is over a limit."""
     logging.disable(logging.WARNING)
     yield
     logging.disable(logging.NOTSET)

@@ -67,7 +67,7 @@ JUMP = 7000
 """By how many ms a time jumps."""
 
 GLANCE = 0.01
-"""Seconds from one look whether the drive stands to the next."""
+"""Time between two checks whether the drive stands, in s."""
 
 SCATTER = 150
 """How far a bad beacon is off, mm."""
@@ -85,7 +85,7 @@ UNREADABLE = (FrameLengthError, FieldError)
 
 
 def frozen(which: type[Message], anew: type[Message]) -> Mixin:
-    """Have the first frame leave the node again and again, until a message comes that starts all over."""
+    """Return a node that sends its first frame again and again, until a message comes that starts all over."""
 
     def again(node: Node, frame: Frame) -> Iterable[Frame]:
         """Send the first frame again and again, until a message comes that restarts the node."""
@@ -419,6 +419,10 @@ def _under_way(time: object) -> bool:
     return isinstance(time, int) and not isinstance(time, GotoFault) and time > 0
 
 
+LATER = field("time", lambda time: time + JUMP if _under_way(time) else time)
+"""Add JUMP to the time that is left, while the robot drives."""
+
+
 def _resumed(drive: Drive, stop: StopDrive, healthy: Any) -> None:
     """Stop, and go on after two seconds."""
     goto = drive.goto
@@ -622,9 +626,7 @@ DRIVE = {
         "says a remaining time that goes up and down",
         hooks.numbered(
             GotoStateResponse,
-            lambda number: (
-                hooks.kept if number % 2 else field("time", lambda time: time + JUMP if _under_way(time) else time)
-            ),
+            lambda number: hooks.kept if number % 2 else LATER,
         ),
     ),
     "arrival-not-said": Caught("drive", "2.1 State Response: 0 when the place is reached").fault(
@@ -766,7 +768,7 @@ NAVIGATION = {
         # generator the frames would not follow from the match's seed alone.
         hooks.leaving(
             NaviPositionResponse,
-            meaning(lambda p: p if p.x is None else p._replace(x=p.x + (SCATTER if p.x % 2 else -SCATTER))),
+            field("x", lambda x: x + (SCATTER if x % 2 else -SCATTER)),
         ),
     ),
     "navi-frozen": Caught("flows", "4.2.2 Navigation: the navigation follows our robot").fault(

@@ -19,7 +19,7 @@ import aiohttp
 from interop_rows.tools import BROWSERS
 
 PATIENCE = 60.0
-"""Seconds after which a page that does not do what it is to do fails the test."""
+"""Longest time for which a test waits for the page, in s."""
 
 PROGRAM = next(filter(None, map(shutil.which, BROWSERS)), None)
 """The browser, None on a machine that has none."""

@@ -24,7 +24,7 @@ from eurobot_od.web.session import Session
 from tests.kit import plant
 
 LONG = 60.0
-"""Seconds after which a test gives up."""
+"""Longest time for which a test waits, in s."""
 
 NUMBERS = count(1)
 

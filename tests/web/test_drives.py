@@ -240,7 +240,7 @@ class Jogged(NamedTuple):
         return self.network.devices[5].axes[0].motor.velocity  # type: ignore[attr-defined, no-any-return]
 
     def pass_time(self, seconds: float, held: bool = False) -> None:
-        """Let time pass as in a server: what is due is sent, what comes is heard."""
+        """Advance the time as a server does: what is due is sent, what comes is received."""
         end = self.network.master.clock() + seconds
         while self.network.master.clock() < end - 1e-9:
             if held:
@@ -266,7 +266,7 @@ def jogged() -> Iterator[Jogged]:
 
 
 def lost(scene: Jogged, chance: Callable[[Frame], bool]) -> None:
-    """Have the bus lose the frames for which `chance` is true."""
+    """Lose the bus's frames for which `chance` is true."""
     scene.network.simulation.disturb = lambda _, frame: () if chance(frame) else ON_TIME
 
 
@@ -475,7 +475,7 @@ LIST = {"do": "begin list", "key": "a", "title": "it", "rows": [{"send": JOGS, "
 
 
 async def turned_by(opened: aiohttp.ClientWebSocketResponse, scene: Bench, **sent: Any) -> None:
-    """Have the server send RPDO 3, and wait until the drive turns."""
+    """Order the server to send RPDO 3, and wait until the drive turns."""
     for words in (
         {"do": "drive", "node": "servo", "axis": 1, "command": "enable"},
         {"do": "write", "node": "servo", "object": "0x6060", "value": "3", "sure": True},
@@ -768,7 +768,7 @@ def test_without_control_a_drive_is_looked_at_only(tmp_path: Path, window: Page,
 
 
 def nmt_of(scene: Jogged, seconds: float) -> list[bytes]:
-    """Let time pass, and return the NMT commands that are sent meanwhile."""
+    """Return the NMT commands that are sent while some time passes."""
     sent: list[bytes] = []
     scene.network.simulation.observers.append(lambda _, frame: sent.append(frame.data) if frame.cob_id == 0 else None)
     scene.pass_time(seconds)

@@ -53,5 +53,6 @@ from eurobot_od.bus.live.buses import Opener as Opener
 from eurobot_od.bus.live.buses import is_named as is_named
 from eurobot_od.bus.live.buses import open_bus as open_bus
 from eurobot_od.bus.live.buses import share as share
+from eurobot_od.bus.live.buses import transmit as transmit
 from eurobot_od.bus.live.live import Live as Live
 from eurobot_od.bus.live.reader import FrameReader as FrameReader

@@ -271,6 +271,16 @@ class Driver:
         return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s: {self.refusal}")
 
 
+PATIENCE = 1.0
+"""Maximum time for a driver to accept a frame of `transmit`, in s."""
+
+
+def transmit(bus: can.BusABC, frame: Frame) -> None:
+    """Send a frame; raises BusError if the driver does not accept it in time."""
+    if not Driver(bus).send(frame, PATIENCE):
+        raise BusError("the bus did not take the frame")
+
+
 def _is_of(bus: can.BusABC, interface: str) -> bool:
     """Return whether a bus belongs to an interface of python-can, without importing other drivers."""
     from can.interfaces import BACKENDS

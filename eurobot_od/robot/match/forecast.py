@@ -118,7 +118,7 @@ class Fires:
         self.version = 0
 
     def meet(self, who: Source, place: Point, steps: int, radius: float) -> None:
-        """Have a robot push what is in its way to a place, which took it some steps."""
+        """Push the fires in the way of a robot that drives to a place in some steps."""
         noise = self._chance.gauss
         now = [Point(place.x + noise(0, NOISE), place.y + noise(0, NOISE)) for _ in range(GUESSES)]
         before = self._robots.get(who, now)

@@ -129,7 +129,7 @@ Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
 """A team's program: a coroutine that awaits the core's calls. It starts with the match, and is cancelled at its end."""
 
 LOOKS = 0.05
-"""Seconds between two checks whether the match is over."""
+"""Time between two checks whether the match is over, in s."""
 
 MOMENT = 0.001
 """The shortest wait in seconds: without it, no time would pass for a core whose match is just about to end."""
@@ -138,13 +138,13 @@ FIRST_POSITION = 5.0
 """Seconds within which the first position should have come: the polling's start delay, and several periods."""
 
 UNENDED = 0.5
-"""Seconds by which a core may be late to end the match."""
+"""Longest time by which a core may end the match late, in s."""
 
 SETTLED = 1.0
-"""Seconds after a stop within which the robot stands still."""
+"""Time after a stop within which the robot stands still, in s."""
 
 SEEN_TO_STAND = 0.5
-"""Seconds for which a robot is watched that was already seen to stand."""
+"""Time for which a robot that stands is watched, in s."""
 
 LAST_LINES = 5
 """Lines of a strategy's traceback that are shown: what it raised, and the two lines that led there."""
@@ -174,7 +174,7 @@ def _last_lines(error: BaseException) -> str:
 
 
 def in_one_line(failure: str) -> str:
-    """Say how a match failed: in words that are given, or by the exception and the last place of a traceback."""
+    """Return how a match failed: the given words, or the exception and the last place of its traceback."""
     places, after = PLACE.findall(failure), failure.rpartition("\n    ")[2].splitlines()
     end = " ".join(after[bool(places) :])  # without the line of the program that stands there
     told = end if end.startswith("the ") else f"the strategy raised {end}"
@@ -182,7 +182,7 @@ def in_one_line(failure: str) -> str:
 
 
 async def _played(strategy: Strategy, core: Core) -> None:
-    """Let a strategy play; raises ProgramFailed if it tries to end the whole program."""
+    """Run a strategy; raises ProgramFailed if it tries to end the whole program."""
     try:
         await strategy(core)
     except Terminated:
@@ -403,7 +403,7 @@ class Referee:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
 
     async def _stand_still(self) -> None:
-        """Let the robot come to rest, wait for the end of the match, and report whether anything moved meanwhile."""
+        """Stop the robot, wait for the end of the match, and report whether anything moved meanwhile."""
         # A strategy that failed was already stopped and seen to stand, and nothing else will follow.
         settled, left = (SEEN_TO_STAND, 0.0) if self.failure else (SETTLED, self._end + LOOKS - self.clock())
         await asyncio.sleep(settled)

@@ -112,7 +112,9 @@ class PlayedMatch:
         pushed = any(touch.driven_into for touch in self.touches)  # even if it stood
         texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved and not pushed else []
         texts += self.warnings
-        return texts + [f"gatekeeper: {report}" for report in (self.summary.reports if self.summary else ())]
+        if self.summary:
+            texts += [f"gatekeeper: {report}" for report in self.summary.reports]
+        return texts
 
     def as_data(self) -> dict[str, Any]:
         """Return everything as plain data."""
@@ -136,7 +138,7 @@ class Prefixed(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        """Have the stream write what it holds."""
+        """Flush the stream."""
         self._stream.flush()
 
 
@@ -474,6 +476,13 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
     return fmean(values), NORMAL * stdev(values) / sqrt(len(values)) if len(values) > 1 else 0.0
 
 
+def _doubt(mean: float, half: float) -> str:
+    """Return how sure a mean difference is: an interval with 0 in it does not even tell which of the two is better."""
+    if abs(mean) > half:
+        return ""
+    return ", which may be chance" if half else ", the same at each seed"
+
+
 def compared(played: Played) -> Iterator[str]:
     """Yield a line for each seed and the means; then how each strategy differs from the first at the same seeds."""
     names = list(played)
@@ -492,10 +501,8 @@ def compared(played: Played) -> Iterator[str]:
             # Seed by seed: opponents and beacons are the same in both matches, so luck cancels out.
             differences = [measure.of(after) - measure.of(before) for before, after in zip(played[first], played[name])]
             mean, half = interval(differences)
-            # If the interval contains 0, it does not even tell which of the two is better.
-            verdict = "" if abs(mean) > half else ", which may be chance" if half else ", the same at each seed"
             more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
-            what = f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}"
+            what = f"{measure.name} {mean:+.2f} ± {half:.2f}{_doubt(mean, half)}"
             yield f"{name} against {first}: {what}; more at {more} seeds, fewer at {fewer}"
 
 

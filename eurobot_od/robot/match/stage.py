@@ -74,13 +74,13 @@ def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dicti
 
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
-"""Seconds after power-on at which each node has booted, no two at once. Further nodes boot one by one after these."""
+"""Time after power-on at which each node has booted, in s; no two at once. Further nodes boot after these."""
 
 BOOT_STEP = 0.001
-"""Seconds between the boot-ups of further nodes: there may be a hundred before the startup begins."""
+"""Time between the boot-ups of further nodes, in s: there may be a hundred before the startup begins."""
 
 POWER_UP = 0.1
-"""Seconds after power-on at which the core begins the startup (document 5.1)."""
+"""Time after power-on at which the core begins the startup, in s (document 5.1)."""
 
 Watcher = Callable[[float, Frame], None]
 """Called with each frame on the bus and its time in seconds."""
@@ -237,7 +237,7 @@ def play_simulated(
 
 @contextmanager
 def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[str], object]) -> Iterator[None]:
-    """Tell what a node has raised, and in which file: the core, and so the match, hears only that no answer comes."""
+    """Add what a node has raised, and in which file, to an error: the core hears only that no answer comes."""
     try:
         yield
     finally:
@@ -246,7 +246,7 @@ def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[s
 
 
 def blame(report: Report, nodes: Iterable[Node]) -> str:
-    """Say who has raised what is reported, and in which file; empty if nobody has."""
+    """Return who has raised the reported error, and in which file; empty if nobody has."""
     if report.error is None:  # to find the place of a class takes a reading of its whole file
         return ""
     # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
@@ -315,7 +315,7 @@ NOWHERE = Pose(nan, nan, nan)
 """The pose of a robot in a world that cannot be reached."""
 
 LOOKS = 0.1
-"""Seconds between two checks whether the bus has failed."""
+"""Time between two checks whether the bus has failed, in s."""
 
 
 def play_led(

@@ -18,7 +18,7 @@ from eurobot_od.web.jobs import Job
 
 
 def begin_scan(desk: Desk, _: Arguments) -> int:
-    """Look for all nodes of the bus, as `scan` does."""
+    """Scan the bus for all nodes, as `scan` does."""
     return desk.start("scan", "the scan", partial(_scan, desk))
 
 
@@ -53,7 +53,7 @@ def errors(desk: Desk, said: Arguments) -> dict[str, Any]:
 
 
 def find_lss(desk: Desk, _: Arguments) -> int:
-    """Look for the devices without a node-ID, as `lss find` does."""
+    """Find the devices without a node-ID, as `lss find` does."""
     return desk.start("lss", "the search by LSS", partial(_find_lss, desk))
 
 
@@ -64,7 +64,7 @@ def _find_lss(desk: Desk, job: Job) -> None:
 
 
 def set_lss(desk: Desk, said: Arguments) -> int:
-    """Give a device without a node-ID what it is to have, as `lss set` does."""
+    """Set node-ID and bit rate of a device without a node-ID, as `lss set` does."""
     node_id, rate, delay = (_number(said, each) for each in ("node-ID", "bit rate", "activate"))
     store = said.get("store") is True
     wanted = lss.settings(node_id, rate, store, None if delay is None else delay / 1000)

@@ -57,7 +57,7 @@ async def _message(desk: Desk, said: Arguments) -> Frame:
 
 
 async def _confirm_panels(desk: Desk, message: Message | None) -> None:
-    """Raise LocalError for a message that a panel objects to."""
+    """Refuse a message that a panel objects to; raises LocalError."""
     if message is None:
         return
     # One after the other, as a panel may wait for the answer of a node.
@@ -88,7 +88,7 @@ def _leader(desk: Desk, message: str) -> Leader | None:
 
 
 def _order_from(desk: Desk, leader: Leader, frame: Frame) -> bool:
-    """Have a node send a message by writing its object; return whether it answers at all.
+    """Ask a node to send a message by writing its object; return whether it answers at all.
 
     Raises NodeRefused; NoAnswer if it answers no more in the middle: it may have the order, and must not get two.
     """

@@ -24,6 +24,7 @@ from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.values import label
+from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import amount
 from eurobot_od.web.asking import Arguments, PageRequest, Way, text_of, whole_of
 from eurobot_od.web.desk import Desk
@@ -119,7 +120,7 @@ def _source(desk: Desk, said: Arguments, job: Job, master: Master, target: SetNo
         name, _ = sent_file(desk, said)
         with TemporaryDirectory(prefix="eurobot-od-") as folder:  # the files of its DOMAINs were sent, too
             for each, content in desk.uploads[said["who"]].items():
-                Path(folder, each).write_bytes(content)
+                write_whole(Path(folder, each), bytes(content))
             yield renumbered(Dictionary.load(Path(folder, name), target.node_id), target.node_id, chosen)
         return
     other = _target(desk, {**said, "node": text_of(said, "from")})
@@ -174,7 +175,7 @@ def _apply(desk: Desk, said: Arguments, shown: ChangePlan, job: Job, master: Mas
 
 
 def begin_storing(desk: Desk, said: Arguments) -> int:
-    """Have a node store its parameters, as `store` does."""
+    """Order a node to store its parameters, as `store` does."""
     return _start(desk, "settings", "the storing of", _target(desk, said), _store)
 
 
@@ -184,7 +185,7 @@ def _store(_: Job, master: Master, target: SetNode) -> dict[str, Any]:
 
 
 def begin_restoring(desk: Desk, said: Arguments) -> int:
-    """Have a node restore its defaults and reset it, as `restore --reset` does."""
+    """Order a node to restore its defaults, and reset it, as `restore --reset` does."""
     target = _target(desk, said)
     desk.confirm(said, desk.guard.of_nmt(NmtCommand.RESET_NODE, target.node_id))
     return _start(desk, "settings", "the restoring of", target, _restore)

@@ -98,7 +98,7 @@ PLUGINS = Plugins(PLANT)
 
 
 SHIFT = 20.0
-"""Seconds of a recorded shift."""
+"""Duration of a recorded shift, in s."""
 
 POLLED = (m.MoveStateRequest(), m.PlaceRequest(), m.WeightRequest())
 """What the panel asks for ten times in a second."""

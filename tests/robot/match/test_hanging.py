@@ -31,7 +31,7 @@ ALONE = MatchOptions(enemies=0, confederates=0, duration=30.0)
 STOP = EurobotProtocol.load().cob_id(StopDrive)
 
 SOON = 2.0
-"""Seconds of the computer's time in which a hanging strategy is ended, 0.3 s of which it has."""
+"""The computer's time in which a hanging strategy is ended, in s; it has 0.3 s of it."""
 
 LONG = 60.0
 """Longest wait for what has to come, s."""
@@ -73,7 +73,7 @@ def write(folder: Path, body: str) -> Path:
 
 @pytest.fixture
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Have a strategy that hangs ended soon, and not in what hypothesis does at each garbage collection."""
+    """End a strategy that hangs soon, and not in what hypothesis does at each garbage collection."""
     monkeypatch.setattr(event_loop, "PATIENCE", 0.3)
     gc.disable()
     yield

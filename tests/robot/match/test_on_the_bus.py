@@ -59,7 +59,7 @@ def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
 
 
 def goto_changes(node: Node) -> dict[Address, Value]:
-    """Say what moves Goto XY to another COB-ID and leaves 2 of its 6 reserved bits, in the node that has it."""
+    """Return the values with which a node has Goto XY at another COB-ID, with 2 of its 6 reserved bits."""
     [pdo] = [each for each in node.device.dictionary.pdos if each.name == "Goto XY"]
     no_rtr = 0x40000000 if pdo.direction is PdoDirection.TPDO else 0
     return {(pdo.index, 1): MOVED | no_rtr, (pdo.mapping_index, 5): FEW_RESERVED}

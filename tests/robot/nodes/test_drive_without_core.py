@@ -16,7 +16,7 @@ from tests.robot.nodes.harness import DICTIONARIES, Bench
 # 15: the drive watches the core
 
 CORE_WATCHED = 0.75
-"""Seconds of silence after which the drive brakes (its 0x1016)."""
+"""Silence of the core after which the drive brakes, in s (its 0x1016)."""
 
 
 def test_15_a_core_that_is_gone_brakes_the_drive_and_only_a_new_goto_moves_it() -> None:

@@ -444,7 +444,7 @@ def test_a_tpdo_under_sync_carries_where_the_driving_drive_is(dialect: str) -> N
 # Stock canopen on a live bus
 
 PATIENCE = 60.0
-"""Seconds after which an answer that has not come does not come."""
+"""Longest time for which an answer is awaited, in s."""
 
 
 @pytest.fixture

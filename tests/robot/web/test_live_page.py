@@ -138,7 +138,7 @@ def test_stop_stops(scene: Scene) -> None:
 
 @contextmanager
 def plan_of(core: Core) -> Iterator[threading.Event]:
-    """Have a core go back and forth by a plan that no error ends, but the event."""
+    """Run a core that goes back and forth by a plan that no error ends, but the event."""
     over = threading.Event()
 
     def carry_out() -> None:

@@ -14,7 +14,7 @@ from tests.cli.processes import command, line
 from tests.web.browser import Page
 
 TOLERANCE = 0.25
-"""Seconds of the wall clock that a picture may be late on a busy machine."""
+"""Longest time of the wall clock by which a picture may be late on a busy machine, in s."""
 
 SHOWN = "Number(document.body.dataset.time)"
 

@@ -11,7 +11,7 @@ from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import World
 
 STEP = 0.01
-"""Seconds of a step."""
+"""Duration of a step, in s."""
 
 
 class Place:

@@ -108,7 +108,7 @@ def _dialect(of_all: int | None) -> str:
 
 
 def compare(core: CoreSettings, node: str) -> Script[None]:
-    """Make sure that a node reads frames as we do; raises NodeMismatch. A node that `asks` does not name is trusted."""
+    """Check that a node reads frames as we do; raises NodeMismatch. A node that `asks` does not name is trusted."""
     channel = SdoClientParameter.to(node, core.device)
     if channel is None:
         return

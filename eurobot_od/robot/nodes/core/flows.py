@@ -28,7 +28,7 @@ from eurobot_od.robot.nodes.node import Component
 
 
 CONFIRMING = 0.01
-"""Seconds between two checks whether a team's own node has confirmed."""
+"""Time between two checks whether a team's own node has confirmed, in s."""
 
 CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Enemy 2 diameter")
 """The sub-indices of the object `Start configuration`, in the order of the message's fields."""
