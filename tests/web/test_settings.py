@@ -119,7 +119,8 @@ def test_a_node_is_cloned_to_another_one(bench: Motors) -> None:
 
 def test_the_file_of_a_domain_is_found_beside_the_dcf_that_was_sent(tmp_path: Path) -> None:
     async def preview(opened: aiohttp.ClientWebSocketResponse, *beside: str) -> dict[str, Any]:
-        text = SERVO.read_text().replace("[1F50sub1]\n", "[1F50sub1]\nUploadFile=blob.bin\nDownloadFile=blob.bin\n")
+        files = "AccessType=rw\nUploadFile=blob.bin\nDownloadFile=blob.bin\n"
+        text = SERVO.read_text().replace("0x000F\nAccessType=ro\n", f"0x000F\n{files}")
         text += "\n[DeviceComissioning]\nNodeID=5\n"
         await sent(opened, "servo.dcf", text.encode())
         for each in beside:
