@@ -306,6 +306,22 @@ def with_robot(*, robot_name: RobotName = None) -> None:
     """Describe the options of every command."""
 
 
+OTHERWISE_CALLED = {
+    **dict.fromkeys(("candump", "sniff", "listen"), "monitor"),
+    **dict.fromkeys(("record", "log", "capture"), "monitor --log FILE"),
+    **dict.fromkeys(("convert", "transcode"), "monitor LOG --speed max --log FILE"),
+    **dict.fromkeys(("validate", "verify"), "lint FILE, or check for a device"),
+    **dict.fromkeys(("simulate", "slave"), "node"),
+    "cansend": "send",
+    "upload": "read",
+    "download": "write",
+    "sdo": "read, or write",
+    "discover": "scan",
+    "help": "COMMAND --help",
+}
+"""Commands of other programs, with ours."""
+
+
 def find(command: str, robot: str | None = None) -> Command:
     """Import a command of the workbench or the robot; raises UnknownName, and as `loading.find`."""
     found: Command = getattr(_module(command, robot), command.replace("-", "_"))
@@ -330,6 +346,8 @@ def _module(command: str, robot: str | None) -> ModuleType:
     own = _with_packages(_find(robot)).commands()
     if command not in own:
         unknown = errors.UnknownName("command", command, [*COMMANDS, *own])
+        if command in OTHERWISE_CALLED:
+            raise errors.LocalError(f"unknown command {command!r}; here that is {OTHERWISE_CALLED[command]}")
         raise unknown if own else errors.LocalError(f"{_of_a_robot(command, ROBOTS) or unknown}")
     name = own[command].module
     with blaming(f"command {command}", name, name):

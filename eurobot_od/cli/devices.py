@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import NOTHING_NAMED, BusOptions, FrameNames, Seconds, check_node_id, whole
-from eurobot_od.cli.signature import HelpGroup, Option
+from eurobot_od.cli.signature import DEVICE_FILES, HelpGroup, Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingError, RemoteError, look_up
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
 from eurobot_od.loading import DEVICES
@@ -479,6 +479,10 @@ class Target(Access):
         """The node-ID; raises LocalError, UnknownName."""
         text = self.node
         if not text.isdecimal():
+            if text.lower().endswith(DEVICE_FILES):
+                raise LocalError(
+                    f"{text} is a file, not a node: a node-ID 1..127 goes there; --eds names a device's file"
+                )
             if not self.devices.are_known:
                 raise LocalError(f"{text!r} is not a node-ID 1..127; for names there are --eds, --network and --robot")
             return look_up("node", text, {each.name: each.node_id for each in self.devices.load()})

@@ -137,6 +137,8 @@ OTHERWISE_CALLED = {
     **dict.fromkeys(("--duration", "--seconds", "--time"), "--for"),
     **dict.fromkeys(("scan", "search", "fastscan"), "find"),
     "--interval": "--period",
+    "--port": "--listen",
+    "--rule": "--select",
 }
 """Options and words of other programs, with our names."""
 
@@ -207,7 +209,9 @@ class Parser(ArgumentParser):
         order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
         unknown = re.match(r"unrecognized arguments: (\S+)", message)
         better = _instead(unknown[1].partition("=")[0], [*self._option_string_actions]) if unknown else ""
-        if unknown and [each.dest for each in self._get_positional_actions()] == ["command"]:
+        if unknown and not places and unknown[1][:1] != "-" and not better:
+            better = f"; {self.prog.rpartition(' ')[2]} takes options only"
+        if unknown and places == "COMMAND":
             better = f"; the command comes first: {self.prog} COMMAND {unknown[1]} ..."
         self.exit(2, f"{self.prog}: error: {message}{order}{better}; see {self.prog} --help\n")
 
@@ -263,6 +267,8 @@ def describe(parser: Parser, command: Command) -> Call:
 
         return checked
     if parser.words and parser.words[0][:1] != "-" and parser.words[0] not in command.functions:
+        if parser.words[0].lower().endswith(DEVICE_FILES):
+            raise LocalError(f"the form comes first: {parser.prog} FORM --eds {parser.words[0]}")
         raise UnknownName("form", parser.words[0], command.functions)
     forms = parser.add_subparsers(dest="form", metavar="FORM", required=True, parser_class=FormParser)
     calls = dict[str, Call]()

@@ -35,6 +35,17 @@ MISTAKES = {
         2,
         "unknown command 'decod'; did you mean decode?",
     ),
+    "a command of other programs": ("upload|5|0x1000|-i|virtual", 2, "unknown command 'upload'; here that is read"),
+    "a file in place of a form": (
+        "export|lift.eds|dbc",
+        2,
+        "the form comes first: eurobot-od export FORM --eds lift.eds",
+    ),
+    "a file of a device as a log": (
+        "decode|lift.eds",
+        2,
+        "lift.eds: not a known log; it is a device's file: --eds names it, as in --eds 5=FILE",
+    ),
     "a command of a robot": (
         "match|--seed|3",
         2,
@@ -108,12 +119,12 @@ MISTAKES = {
     "node and file in the wrong order": (
         "configure|lift.dcf|2|-i|virtual",
         2,
-        "unknown node 'lift.dcf'; known: panel, lift, scale",
+        "lift.dcf is a file, not a node: a node-ID 1..127 goes there; --eds names a device's file",
     ),
     "... without a robot": (
         "--robot|none|configure|lift.dcf|2|-i|virtual",
         2,
-        "'lift.dcf' is not a node-ID 1..127; for names there are --eds, --network and --robot",
+        "lift.dcf is a file, not a node: a node-ID 1..127 goes there; --eds names a device's file",
     ),
     "an EDS as a configuration": (
         "configure|2|lift.eds|-i|virtual",
@@ -155,6 +166,8 @@ USAGES = {
         "lss|scan|-i|virtual",
         "argument {find,set}: unknown value 'scan'; known: find, set; here that is find",
     ),
+    "a word for a command without any": ("scan|5|-i|virtual", "unrecognized arguments: 5; scan takes options only"),
+    "a port as others call it": ("serve|--port|80", "unrecognized arguments: --port; here that is --listen"),
     "an option that only begins like another one": (
         "serve|--for|3s",
         "unrecognized arguments: --for; did you mean --format?",
