@@ -80,7 +80,7 @@ def test_more_logs_are_appended_and_packed_with_the_others_once_they_are_many(pa
     assert len(set(map(str, rows_of(packed)))) == 20 * (LOGS + 9)
 
 
-@pytest.mark.parametrize("removed", range(4))
+@pytest.mark.parametrize("removed", [0, *(pytest.param(each, marks=pytest.mark.long) for each in (1, 2, 3))])
 def test_each_log_is_there_once_wherever_packing_is_interrupted(
     singly: Path, monkeypatch: pytest.MonkeyPatch, removed: int
 ) -> None:

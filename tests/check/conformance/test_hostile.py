@@ -90,7 +90,11 @@ class Shouting(SimulatedDevice):
 KINDS = {name: hostile(said) for name, said in HOSTILE.items()} | {"boots and errors all the time": Shouting}
 
 
-@pytest.mark.parametrize("name", KINDS)
+SLOW = ("an upload that never ends", "a hundred answers")
+"""Kinds that take seconds of the processor."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(each, marks=pytest.mark.long if each in SLOW else ()) for each in KINDS])
 def test_a_run_against_a_hostile_device_ends_and_says_so(name: str) -> None:
     asked = suites(MOTOR, Tier.READING, "sdo")
     done = list(results(asked, KINDS[name]))

@@ -297,6 +297,7 @@ MAKERS_ONLY = {"2.4", "2.29", "2.30", "4.4"}
 """Numbers that ask for what the first file has not."""
 
 
+@pytest.mark.long
 def test_115_numbers_pass_on_a_device_that_is_guarded_and_each_has_sent_the_frames_of_the_tool() -> None:
     run = asked_for_everything(MODULE)
     found = passed(asked_for_everything(MODULE))
