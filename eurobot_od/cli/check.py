@@ -100,12 +100,14 @@ class CheckReport:
             for each in checks.made.suites().device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
         else:
-            told = report.slowest, report.not_run, report.further
-            of_made = [line for each in told for line in each(results)] if checks.made.is_wanted else []
-            sys.stdout.writelines(
-                f"{line}\n"
-                for line in (*report.changed(results), *report.remarks(results), *of_made, *report.failures(results))
-            )
+            lines_of: list[Callable[[Sequence[SuiteResult]], Iterable[str]]] = [
+                report.changed,
+                report.remarks,
+                report.failures,
+            ]
+            if checks.made.is_wanted:
+                lines_of[2:] = [report.slowest, report.not_run, report.failures, report.further]
+            sys.stdout.writelines(f"{line}\n" for each in lines_of for line in each(results))
             print(report.summary(results))
         if self.junit is not None:
             write(self.junit, report.junit(results))
