@@ -36,7 +36,7 @@ from eurobot_od.device.station import Station
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import NMT_COB_ID, Address
+from eurobot_od.od.values import NMT_COB_ID, Address, PdoDirection
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import Obstacle, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Node
@@ -114,10 +114,14 @@ class FuzzedNodes:
         assert isinstance(core, Core)
         return core
 
-    def receive(self, frame: Frame) -> None:
-        """Pass a frame from outside to all nodes."""
+    def receive(self, frame: Frame, *, to_its_sender: bool = True) -> None:
+        """Pass a frame from outside to all nodes, or to all but the one that sends messages with its COB-ID.
+
+        That one takes the frame for one of a second node of its kind, and acts on it.
+        """
         for station in self._stations:
-            station.controller.receive(frame, self.now)
+            if to_its_sender or frame.cob_id not in sent_by(station.node.device.dictionary):
+                station.controller.receive(frame, self.now)
         self._carry()
 
     def run(self, until: float) -> None:
@@ -149,6 +153,12 @@ class FuzzedNodes:
             for station in self._stations:
                 if station is not sender:
                     station.controller.receive(frame, self.now)
+
+
+@cache
+def sent_by(dictionary: Dictionary) -> frozenset[int]:
+    """Return the COB-IDs of the messages that a node sends."""
+    return frozenset(each.cob_id for each in dictionary.pdos if each.direction is PdoDirection.TPDO)
 
 
 @cache
@@ -370,7 +380,7 @@ def attempt(trial: Trial) -> Result:
         maker = dice.choice(MEANINGLESS if trial.meaningless else ANY)
         made[maker.__name__] += 1
         nodes.run((number + 1) * PERIOD)
-        nodes.receive(maker(dice))
+        nodes.receive(maker(dice), to_its_sender=not trial.meaningless)
     if not trial.meaningless:
         reset(nodes, seconds)
     expected = healthy(trial.dialect, seconds, not trial.meaningless)
