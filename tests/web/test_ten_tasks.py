@@ -67,7 +67,7 @@ def bench(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytes
 
 
 def drop(window: Page, selector: str, file: Path) -> None:
-    """Give a file to an input for files."""
+    """Choose a file in an input for files."""
     document = window.call("DOM.getDocument")["root"]["nodeId"]
     place = window.call("DOM.querySelector", nodeId=document, selector=selector)
     window.call("DOM.setFileInputFiles", files=[str(file)], nodeId=place["nodeId"])
