@@ -246,7 +246,7 @@ class LiveBench:
         self.trace.read_to = time.monotonic()
 
     async def begin(self) -> None:
-        """Return at once: there is no way to know when the nodes of a real bus are up."""
+        """Do not wait: on a real bus nothing says when the nodes have booted."""
 
     def seen(self, stamp: float, frame: Frame) -> None:
         """Record a frame, with its time by the clock of asyncio's loop, which deadlines use, too."""

@@ -240,7 +240,7 @@ def _sortable(value: Value) -> float:
 
 
 def _number(thing: Any, content: bytes) -> str | None:
-    """Return a number as a suite writes it, None if it is no number or is not read back as the same bytes."""
+    """Return a number in the notation of a suite; None for other values, and where the notation loses bits."""
     value = objects.decode(thing, content) if objects.is_described(thing) else None
     if not isinstance(value, (int, float)):
         return None

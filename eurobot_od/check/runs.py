@@ -39,7 +39,7 @@ class SuiteRunner(Protocol):
 
     @property
     def is_made(self) -> bool:
-        """Whether the suites are made from a device's file: their steps are independent, so a red one ends nothing."""
+        """Whether the suites are made from a device's file; then they go on after a red step."""
 
     def how(self, seed: int) -> str:
         """Return for reports how suites are run."""

@@ -194,7 +194,7 @@ class RunningList:
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing will be sent any more."""
+        """Whether the list has sent its last frame."""
         return self.next == inf and all(each.row.trigger is None for each in self._rows)
 
     def take(self, now: float, frame: Frame) -> None:

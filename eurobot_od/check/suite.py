@@ -259,7 +259,7 @@ class AbortCodes(NamedTuple):
 
 
 class Blocks(Enum):
-    """Whether an object is transferred by SDO block transfer."""
+    """Whether the step uses SDO block transfer."""
 
     NONE = "by segments"
     PLAIN = "block"

@@ -6,7 +6,7 @@ A finding's place is the PDO or value to be changed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -238,23 +238,25 @@ MASTER_HINT = "; if a PC does, say so: `master: PC` in the network file"
 @RULES.rule("W803", "CiA 301, PDO")
 def without_producer(network: LintedNetwork) -> Conflicts:
     """A message that is received is sent by a node, or by a master without a file (`master:` of the network file)."""
-    if network.has_foreign_master:
-        return
-    for identifier, endpoints in network.consumers.items():
-        if identifier not in network.producers:
-            for each in endpoints:
-                yield each.location, f"{each.name} waits for 0x{identifier:03X}, which no node sends{MASTER_HINT}"
+    return _unmatched(network, network.consumers, network.producers, "waits for {}, which no node sends")
 
 
 @RULES.rule("W804", "CiA 301, PDO")
 def without_consumer(network: LintedNetwork) -> Conflicts:
     """A message that is sent is received by a node, or by a master without a file (`master:` of the network file)."""
+    return _unmatched(network, network.producers, network.consumers, "sends {}, which no node receives")
+
+
+def _unmatched(
+    network: LintedNetwork, endpoints: Mapping[int, Sequence[Endpoint]], others: Container[int], sentence: str
+) -> Conflicts:
+    """Yield the endpoints of messages that are not in `others`; a master without a file may have any message."""
     if network.has_foreign_master:
         return
-    for identifier, endpoints in network.producers.items():
-        if identifier not in network.consumers:
-            for each in endpoints:
-                yield each.location, f"{each.name} sends 0x{identifier:03X}, which no node receives{MASTER_HINT}"
+    for identifier, found in endpoints.items():
+        if identifier not in others:
+            for each in found:
+                yield each.location, f"{each.name} {sentence.format(f'0x{identifier:03X}')}{MASTER_HINT}"
 
 
 @RULES.rule("I805", "CiA 301, object 0x1400 sub 1, bit 31")

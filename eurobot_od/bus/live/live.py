@@ -56,7 +56,7 @@ BUS_OFF_HINT = (
 
 
 class _NoThreads:
-    """Replaces the lock in a forked child, which has none of the threads."""
+    """Replaces the lock in a forked child: the thread that holds it does not exist there."""
 
     def __init__(self, name: str) -> None:
         self._name = name
