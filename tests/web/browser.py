@@ -99,15 +99,19 @@ class Page:
         return found["result"].get("value")
 
     def wait(self, expression: str, patience: float = PATIENCE) -> Any:
-        """Wait until an expression is true in the page."""
+        """Wait until an expression is true in the page; one that raises is not true yet: its element may still come."""
         end = time.monotonic() + patience
+        raised = ""
         while time.monotonic() < end:
-            # An object of the page may lead to all others: that it is there is enough.
-            found = self.run(f"(found => found instanceof Object || found)({expression})")
+            try:
+                # An object of the page may lead to all others: that it is there is enough.
+                found, raised = self.run(f"(found => found instanceof Object || found)({expression})"), ""
+            except AssertionError as error:
+                found, raised = None, f"; raised: {error}"
             if found:
                 return found
             self.run("new Promise(done => setTimeout(done, 20))")
-        raise AssertionError(f"never true: {expression}; complaints: {self.complaints}")
+        raise AssertionError(f"never true: {expression}{raised}; complaints: {self.complaints}")
 
     def click(self, selector: str) -> None:
         """Click the middle of an element as a person does: once it is seen and stands still; whatever lies upon it."""
