@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import Dialects
+from eurobot_od.season.events import EventsOfLog, no_events
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live, Opener
@@ -105,7 +106,8 @@ class Plugin(NamedTuple):
 
     About a robot's network: `dialects` are folders of its EDS files, `table` is the protocol table that others may
     extend, `folder` the folder of its other files; `catalogue` has its messages, `drawings` draws them in an MCAP file,
-    `suites` is a folder of check suites, `reports` are questions to a season. `partners` connects simulated nodes under
+    `suites` is a folder of check suites, `reports` are questions to a season, `beside` returns the events of a log that
+    its frames do not show (picklable). `partners` connects simulated nodes under
     test to their surroundings, with random numbers from a seed, and returns the programs of some by name; `stored`
     returns the stored values of such a node. `stage` are the options of `node` for them.
     """
@@ -129,6 +131,7 @@ class Plugin(NamedTuple):
     catalogue: Callable[[], Catalogue] = _no_catalogue
     drawings: Callable[[Messages], Drawings] = lambda _: {}
     suites: Path | None = None
+    beside: EventsOfLog = no_events
     reports: Callable[[], Mapping[str, SeasonReport]] = dict
     partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = lambda *_: {}
     stored: Callable[[Dictionary], Store | None] = lambda _: None

@@ -55,6 +55,7 @@ def archive(
         devices.error_words(names.emcy),
         tuple(devices.dbc_files(names)),
         replace(devices).frames_of,  # a copy without cached files, as it is pickled for other processes
+        devices.plugins.robot.beside,
     )
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
     with campaign.workers(None, jobs, len(logs)) as workers, drawn as draw:

@@ -1,15 +1,32 @@
-"""Questions to a season of the robot's logs: gotos, arrivals, stops.
+"""Questions to a season of the robot's logs: gotos, arrivals, stops, and of simulated matches points and touches.
 
 A log has the nodes' messages, not the true places. So the error of an arrival is the distance from the goto's place to
-the drive's estimate, and to the beacons' measurement.
+the drive's estimate, and to the beacons' measurement. Points and touches are in no message: `match --log` writes them
+beside the log.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from operator import attrgetter
+from pathlib import Path
 
 from eurobot_od.robot.model.messages import CATALOGUE
+from eurobot_od.robot.model.values import OURS
+from eurobot_od.robot.scene.recording import read_truth
+from eurobot_od.season.events import LogEvent
 from eurobot_od.season.reports import Chart, ChartKind, SeasonReport, spread
+
+
+def events_of(log: Path) -> Sequence[LogEvent]:
+    """Return the truth beside a log as events, first where the match began; raises LocalError for a damaged file."""
+    truth = read_truth(log)
+    begun = [LogEvent(each.time, "start", OURS, f"{each.x:.0f}, {each.y:.0f} mm") for each in truth.path[:1]]
+    touches = [LogEvent(each.time, "touch", OURS if each.at_fault else "other", each.words) for each in truth.touches]
+    scores = [LogEvent(each.time, "points", each.robot, each.task, each.points) for each in truth.scores]
+    said = [LogEvent(each.time, "said", each.robot, each.words) for each in truth.captions]
+    return sorted(begun + touches + scores + said, key=attrgetter("t"))
+
 
 LATENCIES = """
 SELECT min(c.t - g.t) AS latency
@@ -68,6 +85,20 @@ SELECT reason, count(*) FILTER (gap IS NULL OR gap > {APART}) AS stops, count(*)
     count(DISTINCT t.run) AS logs, arg_min(log, log) AS first_log, arg_min(line, (log, line)) AS first_line
 FROM told t JOIN runs r ON t.run = r.run GROUP BY reason ORDER BY stops DESC, reason"""
 
+OURS_ONLY = f"kind = 'points' AND robot = '{OURS}'"
+
+POINTS = f"""
+SELECT log, coalesce(sum(points) FILTER ({OURS_ONLY}), 0)::BIGINT AS points, count(*) FILTER ({OURS_ONLY}) AS tasks,
+    coalesce(sum(points) FILTER (kind = 'points' AND robot <> '{OURS}'), 0)::BIGINT AS others,
+    round(max(t - start) FILTER ({OURS_ONLY}), 1) AS last_s
+FROM events e JOIN runs r ON e.run = r.run GROUP BY r.run, log ORDER BY points DESC, log"""
+
+TOUCHES = f"""
+SELECT log, count(*) FILTER (kind = 'touch') AS touches,
+    count(*) FILTER (kind = 'touch' AND robot = '{OURS}') AS our_fault,
+    round(min(t - start) FILTER (kind = 'touch'), 1) AS first_s, arg_min(text, t) FILTER (kind = 'touch') AS first
+FROM events e JOIN runs r ON e.run = r.run GROUP BY r.run, log ORDER BY our_fault DESC, touches DESC, log"""
+
 REPORTS: Mapping[str, SeasonReport] = {
     "latency": SeasonReport(
         "From a goto to its confirm",
@@ -81,6 +112,16 @@ REPORTS: Mapping[str, SeasonReport] = {
     ),
     "stops": SeasonReport(
         "Stops and their reasons", STOPS, Chart(ChartKind.BARS, "", "stops", f"SELECT reason, stops FROM ({STOPS})")
+    ),
+    "points": SeasonReport(
+        "Points of each simulated match",
+        POINTS,
+        Chart(ChartKind.HISTOGRAM, "points", "matches", f"SELECT points FROM ({POINTS})"),
+    ),
+    "touches": SeasonReport(
+        "Touches of each simulated match",
+        TOUCHES,
+        Chart(ChartKind.HISTOGRAM, "touches", "matches", f"SELECT touches FROM ({TOUCHES})"),
     ),
 }
 """Reports by name, in addition to those for any devices."""

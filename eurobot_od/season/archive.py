@@ -25,6 +25,7 @@ import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
@@ -33,6 +34,7 @@ from eurobot_od.season import campaign, columns, packing
 from eurobot_od.season import season as tables
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
 from eurobot_od.season.columns import ENTRY, FOREIGN, FROM_DATA, LENGTH, ColumnBatch, batches
+from eurobot_od.season.events import EventsOfLog, LogEvent, no_events
 from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
@@ -42,7 +44,7 @@ from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
 
-VERSION = b"7"
+VERSION = b"8"
 """Version of the table format; bump it so that logs are archived again."""
 
 
@@ -50,7 +52,8 @@ class DecodedNetwork(NamedTuple):
     """The devices of the logs: their dictionaries and messages, and by name which message `answers` which.
 
     `errors` are texts for EMCY error codes by node-ID, `dbc` the files that describe other protocols. `frames` returns
-    the non-CANopen frames of a device; it must be picklable.
+    the non-CANopen frames of a device, `beside` the events that a robot's plug-in knows of a log, with times from its
+    first frame; both must be picklable.
     """
 
     dictionaries: tuple[Dictionary, ...]
@@ -59,6 +62,7 @@ class DecodedNetwork(NamedTuple):
     errors: Mapping[int, Mapping[int, str]] = {}
     dbc: tuple[str, ...] = ()
     frames: FramesOfDevice = only_canopen
+    beside: EventsOfLog = no_events
 
     def decoder(self) -> Decoder:
         """Return the decoder of the frames; raises LocalError without cantools, FileError."""
@@ -250,6 +254,9 @@ OF_SERVICES = {SDO: tables.SDO, EMCY_NAME: tables.EMCY, HEARTBEAT: tables.HEARTB
 """The tables of the services, by the service's name."""
 
 
+EVENT_ROW = {"t": pl.Float64(), **dict.fromkeys(("kind", "robot", "text"), pl.String())}
+
+
 def rows_of(table: str) -> pl.Schema:
     """Return the columns of a service's table, without the run and the date."""
     made = pl.from_arrow(tables.SCHEMAS[table].empty_table())
@@ -308,9 +315,9 @@ class RunTables:
         self.run = run
         self._constant = pl.lit(run).cast(pl.Categorical).alias("run")
         self.tables: dict[str, TableRows] = {}
-        self._frames, self._damage, *services = (
+        self._frames, self._damage, self._events, *services = (
             self._table(name, tables.with_metadata(tables.SCHEMAS[name], {}))
-            for name in (tables.FRAMES, tables.DAMAGE, *OF_SERVICES.values())
+            for name in (tables.FRAMES, tables.DAMAGE, tables.EVENTS, *OF_SERVICES.values())
         )
         self._services = dict(zip(OF_SERVICES, services))
         self._said: dict[str, list[pl.DataFrame]] = {name: [] for name in OF_SERVICES}
@@ -426,6 +433,12 @@ class RunTables:
             begin = self._ends["start"]
             self._ends["start"] = min(each[0] for each in times) if begin is None else begin
             self._ends["end"] = max(each[-1] for each in times)
+
+    def add_events(self, events: Sequence[LogEvent]) -> None:
+        """Add the events of the log that its frames do not show, once all frames are taken."""
+        rows = pl.DataFrame(events, {**EVENT_ROW, "points": pl.Int64}, orient="row").with_row_index("line", 1)
+        start = pl.col("t") + (self._ends["start"] or 0.0)
+        self._events.write(rows.with_columns(self._constant, start, channel=pl.lit("")))
 
     def _decoded(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages by the current configuration of the devices; yield all defects."""
@@ -552,8 +565,8 @@ def _archived(log: ReadLog, damaged: int) -> Archived:
     name = str(log.log)
     size = log.file["bytes"]
     if log.tables is None:
-        return Archived(name, log.run, True, size)
-    return Archived(name, log.run, False, size, log.tables.frames, damaged, log.tables.notes())
+        return Archived(name, log.run, True, size, notes=tuple(log.notes))
+    return Archived(name, log.run, False, size, log.tables.frames, damaged, (*log.notes, *log.tables.notes()))
 
 
 Progress = Callable[[int], object]
@@ -639,12 +652,13 @@ def _begun(folder: Path) -> Iterator[None]:
 
 
 class ReadLog(NamedTuple):
-    """A log that was read: its run, its file's data, and its tables; None if it is in the season already."""
+    """A log that was read: its run, its file's data, its tables, None if it is in the season already, and notes."""
 
     log: Path
     run: str
     file: dict[str, Any]
     tables: RunTables | None = None
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -695,18 +709,28 @@ class Archiver:
             digest = hashlib.blake2b(f"{self._decoding.eds} {form}\n".encode(), digest_size=8)
             while part := file.read(HASHED):
                 digest.update(part)
+            events, notes = self._events_of(log)
+            digest.update(repr(events).encode() if events else b"")
             run = digest.hexdigest()
             known = {"run": run, "log": encodable(str(log)), "format": form, "bytes": size}
             # If one table is missing or damaged, the log is archived again.
             if run in self._known or self._is_there(run):
-                return ReadLog(log, run, known)
+                return ReadLog(log, run, known, None, notes)
             file.seek(0)
             with files.naming(self.season), RunTables(begun / run, run, self._decoding) as made:
                 for batch in self._read(file):
                     made.take(batch)
                     self.progress(batch.size)
+                made.add_events(events)
         self._known.add(run)
-        return ReadLog(log, run, known, made)
+        return ReadLog(log, run, known, made, notes)
+
+    def _events_of(self, log: Path) -> tuple[Sequence[LogEvent], list[str]]:
+        """Return the events of a log, and a note if their file is damaged."""
+        try:
+            return self.network.beside(log), []
+        except LocalError as error:
+            return [], [str(error)]
 
     def _place(self, read: Sequence[ReadLog]) -> Counter[str]:
         """Move the read logs into the season; return the number of defects of each run."""

@@ -42,7 +42,10 @@ RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
 """Tables of the logs, of all frames, and of all defects, with log and line."""
 
 SDO, EMCY, HEARTBEAT, NMT = "sdo", "emcy", "heartbeat", "nmt"
-"""Tables of SDO transfers, and of the frames of the other services. Each further table is of a message."""
+"""Tables of SDO transfers, and of the frames of the other services."""
+
+EVENTS = "events"
+"""Table of what a robot's plug-in knows of a log besides its frames. Each further table is of a message."""
 
 TEXT, OCTETS, WORD = pa.large_string(), pa.large_binary(), pa.dictionary(pa.uint32(), pa.large_string())
 """Types as Polars writes them; WORD is for texts that repeat."""
@@ -71,6 +74,8 @@ SAID = {
     "size": "how many bytes came",
     "whole": "whether the log has the end of the transfer",
     "abort": "abort code; null if the transfer was not aborted",
+    "robot": "the robot of the event",
+    "points": "points that the event is worth; null if it is not about points",
 }
 UNITS = {"t": "s", "seconds": "s"}
 
@@ -82,12 +87,12 @@ TYPES: Mapping[str, pa.DataType] = {
         (pa.uint8(), ("node", "subindex", "register")),
         (pa.uint16(), ("index", "code")),
         (pa.uint32(), ("size", "abort")),
-        (pa.int64(), ("bytes", "frames", "damage")),
+        (pa.int64(), ("bytes", "frames", "damage", "points")),
         (pa.float64(), ("start", "end", "seconds")),
         (DATE.type, ("datetime",)),
         (pa.string(), ("run", "log", "format", "network", "eds")),
         (pa.bool_(), ("whole",)),
-        (WORD, ("kind", "direction", "how", "state", "command")),
+        (WORD, ("kind", "direction", "how", "state", "command", "robot")),
         (TEXT, ("text", "object", "value", "abort_name", "words")),
         (OCTETS, ("content", "info")),
     )
@@ -115,6 +120,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
     EMCY: _schema("node", "code", "register", "words", "info"),
     HEARTBEAT: _schema("node", "state"),
     NMT: _schema("node", "command"),
+    EVENTS: _schema("kind", "robot", "text", "points"),
 }
 
 

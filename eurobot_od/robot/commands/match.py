@@ -25,7 +25,6 @@ from eurobot_od.robot.commands import Sides, WorldErrors, status_of
 from eurobot_od.robot.match import MatchEvent, stage
 from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
-from eurobot_od.robot.world import World
 from eurobot_od.support.files import check_writable, write_whole
 from eurobot_od.support.progress import folded, in_colour
 from eurobot_od.traffic.recorder import END, GO_ON, recording
@@ -212,20 +211,10 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
         else:
             print(f"\n{found}")
     if asked.log is not None and frames:
-        # After the log, which is complete only now.
-        _keep_truth(asked.log, world, frames[0][0])
+        from eurobot_od.robot.scene.files import keep_truth
+
+        keep_truth(asked.log, world, frames[0][0], complain)  # after the log, which is complete only now
     return status_of(found)
-
-
-def _keep_truth(log: Path, world: World, began: float) -> None:
-    """Write what only the world knows beside the log; a failure does not spoil the match."""
-    from eurobot_od.robot.scene.files import truth_of
-    from eurobot_od.robot.scene.recording import write_truth
-
-    try:
-        write_truth(log, truth_of(world), began)
-    except OSError as error:
-        complain(f"{error.filename}: {error.strerror}: points and touches are not kept")
 
 
 def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:

@@ -22,12 +22,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from eurobot_od import loading
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError
+from eurobot_od.frame import Frame
 from eurobot_od.robot.match.referee import Players, StrategyFiles, in_one_line
 from eurobot_od.robot.match.stage import EdsFiles, Performance, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary, Touched, touches_of
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.model.values import OURS, Outcome, Passage
+from eurobot_od.robot.scene.files import keep_truth
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.robot.world.world import EventKind, MatchEvent
@@ -159,12 +161,22 @@ def play(
         told.append(line)
         printed.write(f"{line}\n")
 
+    world: World | None = None
+    times: list[float] = []
     with recording(log, tell=tell) as write, redirect_stdout(printed):
+
+        def watch(time: float, frame: Frame) -> None:
+            write(time, frame)
+            if not times:
+                times.append(time)
+
         try:
-            summary, world = play_simulated(options, events.append, write, files, *players, tell)
+            summary, world = play_simulated(options, events.append, watch, files, *players, tell)
             driven = sum(after.distance(before.point) for (_, before), (_, after) in pairwise(world.path)) / 1000
         except (RemoteError, ProgramFailed) as error:
             failure = "; ".join([*told, str(error)])  # first the cause: a node that has raised gives no answer
+    if log and world and times:
+        keep_truth(log, world, times[0], tell)
     return PlayedMatch(
         options.seed,
         gotos_in(events),

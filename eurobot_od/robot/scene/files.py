@@ -22,7 +22,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS
-from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, TouchMark, Truth, record
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, TouchMark, Truth, record, write_truth
 from eurobot_od.robot.scene.scene import PAGE, sheet
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
@@ -131,6 +131,17 @@ def truth_of(world: World) -> Truth:
     ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
     touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
     return Truth([*_thinned(world.path)], touches, world.game.scores, world.captions)
+
+
+def keep_truth(log: Path, world: World, start: float, tell: Callable[[str], object]) -> None:
+    """Write what only the world knows beside the complete log of a match, whose first frame came at `start`.
+
+    A failure does not spoil the match: `tell` is called with it.
+    """
+    try:
+        write_truth(log, truth_of(world), start)
+    except OSError as error:
+        tell(f"{error.filename}: {error.strerror}: points and touches are not kept")
 
 
 def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:

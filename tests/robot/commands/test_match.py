@@ -507,7 +507,8 @@ def test_many_seeds_are_logged_stored_and_resumed(tmp_path: Path, capsys: pytest
     assert sorted(file.name for file in tmp_path.glob("*.log")) == ["1.log", "2.log"]
     again = run(capsys, *words, "--seeds", "3", "--resume", "--log", str(tmp_path / "again-{seed}.log"))
     assert again.out.splitlines()[:2] == first.out.splitlines()
-    assert [file.name for file in tmp_path.glob("again-*")] == ["again-3.log"]
+    # Points and touches are in a file beside each log.
+    assert sorted(each.name for each in tmp_path.glob("again-*")) == ["again-3.log", "again-3.log.truth.json"]
     assert run(capsys, *words, "--seeds", "3").complaint.endswith("holds a campaign already: --resume goes on with it")
     other = run(capsys, *words, "--seeds", "3", "--resume", "--enemies", "0")
     assert other.complaint.endswith("holds a campaign with other settings: enemies was '2', and is '0'")

@@ -14,16 +14,18 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.messages import CATALOGUE, KalmanPositionResponse, NaviPositionResponse
-from eurobot_od.robot.model.values import GotoFault, Obstacle, RobotError, Source
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import OURS, Caption, GotoFault, Obstacle, RobotError, Score, Source
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.scene.recording import PathPoint, TouchMark, Truth, truth_file, write_truth
 from eurobot_od.season.answers import draw
 from eurobot_od.season.archive import Archiver, DecodedNetwork
 from eurobot_od.season.season import Season
 from tests.season.seasons import Timed, write_log
 
 PROTOCOL = EurobotProtocol.load()
-NETWORK = DecodedNetwork(dialects.load_all(), CATALOGUE)
+NETWORK = DecodedNetwork(dialects.load_all(), CATALOGUE, beside=ROBOT.beside)
 BITRATE = 1000
 
 
@@ -58,11 +60,23 @@ SECOND: list[Timed] = [
 ]
 
 
+KNOWN = Truth(
+    [PathPoint(0.0, 200, 900, 0.0)],
+    [TouchMark(1.0, Point(1, 2), "enemy 1 touched ours", False), TouchMark(2.5, Point(1, 2), "ours touched it", True)],
+    [Score(0.5, OURS, "fire 1", 1), Score(2.0, OURS, "mammoth", 8), Score(2.25, "enemy 1", "fresco", 3)],
+    [Caption(1.5, OURS, "on my way"), Caption(1.5, OURS, "on my way")],
+)
+"""The truth about the first log; the second one has none."""
+
+
 @pytest.fixture(scope="module")
 def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
     folder = tmp_path_factory.mktemp("reports")
     for name, frames in (("first", FIRST), ("second", SECOND)):
-        Archiver(folder / "season", NETWORK)(write_log(folder / f"{name}.log", frames))
+        log = write_log(folder / f"{name}.log", frames)
+        if name == "first":
+            write_truth(log, KNOWN, 0.0)
+        Archiver(folder / "season", NETWORK)(log)
     return Season.open(folder / "season")
 
 
@@ -86,6 +100,24 @@ def test_stops_are_counted_once_however_often_they_are_sent(season: Season) -> N
         ("EMCY drive blocked", 1, 1, 1, "second", 5),
         ("goto blocked", 1, 1, 1, "second", 4),
     ]
+
+
+def test_points_and_touches_are_those_of_each_match_with_a_truth(season: Season) -> None:
+    assert rows(season, "points", "log", "points", "tasks", "others", "last_s") == [("first", 9, 2, 3, 2.0)]
+    wanted = [("first", 2, 1, 1.0, "enemy 1 touched ours")]
+    assert rows(season, "touches", "log", "touches", "our_fault", "first_s", "first") == wanted
+
+
+def test_a_truth_changes_the_run_and_a_damaged_one_is_noted(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "match.log", FIRST)
+    archive = Archiver(tmp_path / "season", NETWORK)
+    plain = archive(log)
+    write_truth(log, KNOWN, 0.0)
+    known = archive(log)
+    truth_file(log).write_text("{")
+    (damaged,) = archive.put([log])
+    assert known.run != plain.run == damaged.run
+    assert "match.log.truth.json: not what `match --log` writes" in damaged.notes[0]
 
 
 def test_two_channels_are_two_buses(tmp_path: Path) -> None:
