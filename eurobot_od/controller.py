@@ -529,10 +529,10 @@ class Controller:
         return ALL_MESSAGES if message_type is None else self._protocol.name(message_type)
 
     def _cob_ids(self, name: str) -> Callable[[], Iterable[int]]:
-        """Return a function for the current COB-IDs of a message, found by name, as a changed protocol may have a new
-        type.
+        """Return a function for the current COB-IDs of a message.
 
-        There may be none for a while, as a master may make a PDO not valid.
+        It is found by name, as a changed protocol may have a new type. There may be none for a while, as a master may
+        make a PDO not valid.
         """
         return lambda: [each.cob_id for each in self._protocol.bindings if name in (ALL_MESSAGES, each.name)]
 

@@ -262,8 +262,9 @@ class Refused(RemoteError):
 
 
 class NodeRefused(RemoteError):
-    """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22), and
-    `object`.
+    """A node aborted an SDO transfer.
+
+    It has `node_id`, `request`, the abort `code`, its `reason` (CiA 301, Table 22), and `object`.
     """
 
     def __init__(self, node_id: int, request: str, code: int, reason: str, where: NamedObject | None = None) -> None:

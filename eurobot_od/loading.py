@@ -68,8 +68,9 @@ class PluginKind(NamedTuple):
         return self.imported(name, name, name)
 
     def imported(self, target: str, name: str, file: str) -> Plugin:
-        """Import a plug-in, `module:attribute`; `file` is the place for errors. Raises LocalError for anything that
-        fails.
+        """Import a plug-in, `module:attribute`; raises LocalError for anything that fails.
+
+        `file` is the place for errors.
         """
         module, _, attribute = target.partition("[")[0].strip().partition(":")
         what = f"{self.what} {name}"

@@ -158,8 +158,9 @@ def _network(config: pytest.Config) -> tuple[Path, bool]:
 
 
 def _plugins(config: pytest.Config) -> Plugins:
-    """Return the plug-ins to use: a robot of the environment or the network file; an installed one if this has no
-    devices.
+    """Return the plug-ins to use.
+
+    The robot is that of the environment or the network file, or an installed one if the network file has no devices.
     """
     from eurobot_od.loading import find, packages
     from eurobot_od.plugin import Plugins
@@ -244,8 +245,9 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
 @pytest.fixture
 def eurobot_bus(request: pytest.FixtureRequest) -> Iterator[Callable[[], can.BusABC]]:
-    """Open the bus of the options, otherwise one inside the process for this test; each call opens one more
-    participant.
+    """Open the bus of the options, otherwise one inside the process for this test.
+
+    Each call opens one more participant.
     """
     with ExitStack() as stack:
 

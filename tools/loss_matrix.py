@@ -1,10 +1,9 @@
-"""Loses, delays and doubles messages, and kills, reboots and freezes nodes in simulated matches, and checks that the
-robot stops.
+"""Loses messages and nodes in simulated matches, and checks that the robot stops.
 
-Each cell of the matrix is a short match in which one thing goes wrong: with a navigation that is there, that died
-before, or that sends heartbeats and no answers; and with a plan that tries again at once, or after 2 s. The plan drives
-at full speed from place to place, and stops some gotos on the way; nothing stands there, and the sensor stops no goto.
-Each match is measured:
+Messages are lost, delayed and doubled; nodes are killed, rebooted and frozen. Each cell of the matrix is a short match
+in which one thing goes wrong: with a navigation that is there, that died before, or that sends heartbeats and no
+answers; and with a plan that tries again at once, or after 2 s. The plan drives at full speed from place to place, and
+stops some gotos on the way; nothing stands there, and the sensor stops no goto. Each match is measured:
 
 - *uncommanded*: how long, and how far, the robot moves while no running core has a goto under way, or the bus is off.
 Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
@@ -162,11 +161,10 @@ AT_ONCE, LATER = 0.05, 2.0
 
 
 class Cell(NamedTuple):
-    """What goes wrong (a message, a node or the bus), how, and when in seconds since power-on (a message: from then
-    on).
+    """What goes wrong: a message, a node or the bus.
 
-    The state of the `navigation`, and after how many seconds the plan tries again, are part of it. A `live` one is
-    tried in real time.
+    `when` is in seconds since power-on; a message goes wrong from then on. The state of the `navigation`, and after how
+    many seconds the plan tries again, are part of it. A `live` one is tried in real time.
     """
 
     what: str
@@ -535,9 +533,7 @@ def causes(dialect: str) -> Iterator[Cause]:
 
 
 def table(results: Iterable[Result]) -> Iterator[str]:
-    """Yield the lines of two tables: one with a row for each message, and one with a row for each loss of a node or the
-    bus.
-    """
+    """Yield the lines of two tables: one of messages, one of losses of a node or the bus."""
     found = list(results)
     yield f"| message | {' | '.join(MESSAGE_FATES)} |"
     yield "|---" * (1 + len(MESSAGE_FATES)) + "|"

@@ -1,7 +1,7 @@
-"""Makes the pictures and the table of docs/profiles.md: the motion of the simulated drive in each mode, and its state
-machine.
+"""Makes the pictures and the table of docs/profiles.md.
 
-All of it is measured on the device, which is commanded by SDO as by a master.
+They show the motion of the simulated drive in each mode, and its state machine. All of it is measured on the device,
+which is commanded by SDO as by a master.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Makes the documentation's site in build/site, and follows all its links: `python3 tools/make_site.py`
+"""Makes the documentation's site in build/site, and follows all its links.
 
-It runs before anything is installed, so it uses the standard library only.
+`python3 tools/make_site.py` runs before anything is installed, so it uses the standard library only.
 """
 
 from __future__ import annotations

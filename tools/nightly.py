@@ -1,8 +1,8 @@
-"""Runs all checks that take longer than CI may: `python3 tools/nightly.py [--list] [ROW...]`, rows by parts of their
-names.
+"""Runs all checks that take longer than CI may.
 
-It goes on after a row that fails, and ends with a table; the exit status is 1 if a row failed, 2 for a name of no row.
-Random rows have another seed each day; the line above a row's output repeats it.
+`python3 tools/nightly.py [--list] [ROW...]` takes rows by parts of their names. It goes on after a row that fails, and
+ends with a table; the exit status is 1 if a row failed, 2 for a name of no row. Random rows have another seed each day;
+the line above a row's output repeats it.
 """
 
 from __future__ import annotations

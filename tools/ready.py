@@ -1,7 +1,7 @@
-"""Checks before a push what most often makes CI fail, in under a minute: `python3 tools/ready.py`
+"""Checks before a push what most often makes CI fail, in under a minute.
 
-Style, types, EDS files, what else is made from the code and committed, the links of the documentation, and the tests
-that mirror the files changed since the branch left the published one.
+`python3 tools/ready.py`: style, types, EDS files, what else is made from the code and committed, the links of the
+documentation, and the tests that mirror the files changed since the branch left the published one.
 """
 
 from __future__ import annotations

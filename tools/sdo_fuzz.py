@@ -274,10 +274,10 @@ REFUSALS = (
 
 
 class Initiate(NamedTuple):
-    """A first request: its answer under a mask, the phase it leads to, and the abort codes that only the server can
-    decide.
+    """A first request, with its answer under a mask and the phase it leads to.
 
-    `sub_command` are bits of the command byte that make it another request.
+    `sub_command` are bits of the command byte that make it another request; `refusals` are the abort codes that only
+    the server can decide.
     """
 
     phase: Phase

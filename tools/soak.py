@@ -169,9 +169,7 @@ class Life(NamedTuple):
 
     @property
     def has_grown(self) -> bool:
-        """Whether it holds more threads or descriptors, or more memory for each frame than what is remembered
-        takes.
-        """
+        """Whether it holds more threads or descriptors, or more memory for each frame than expected."""
         more = self.end.memory > self.begin.memory + ARENA + self.frames * LEAK / 1024
         return more or self.end.threads > self.begin.threads or self.end.descriptors > self.begin.descriptors
 
@@ -603,8 +601,9 @@ class Soak:
             self._logger = Program(sys.executable, *command, took=lambda _: None)
 
     def store(self) -> Iterator[Condition]:
-        """Store a setting in navigation, and kill it: its file has the new value if the store was confirmed, else
-        either one.
+        """Store a setting in navigation, and kill it.
+
+        Its file has the new value if the store was confirmed, else either one.
         """
         navigation = self.roles["navigation"]
         navigation.note_life()  # not in the midst of it: it has files open then

@@ -1,7 +1,7 @@
-"""Sets up an environment and runs all checks in it: style, types, EDS files, tests. `python3 tools/test.py`
+"""Sets up an environment and runs all checks in it: style, types, EDS files, tests.
 
-Tests marked `long` are left out; `tools/nightly.py` runs those. This runs before anything is installed, so it uses the
-standard library only. With arguments, only pytest runs, with these.
+`python3 tools/test.py [ARGUMENT...]`: with arguments, only pytest runs, with these. Tests marked `long` are left out;
+`tools/nightly.py` runs those. This runs before anything is installed, so it uses the standard library only.
 """
 
 from __future__ import annotations

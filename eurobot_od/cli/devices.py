@@ -496,11 +496,11 @@ class Target(Access):
             yield master.node(number)
 
     def description(self, node: RemoteNode) -> Dictionary | None:
-        """Return the node's EDS: the named file, otherwise a known one for its identity, otherwise the node's own; None
-        if none.
+        """Return the node's EDS, None if there is none.
 
-        A file named without a node-ID is for this node. The node's own EDS is the last choice, as it has to be
-        uploaded, tens of thousands of bytes.
+        It is the named file, otherwise a known one for its identity, otherwise the node's own. A file named without a
+        node-ID is for this node. The node's own EDS is the last choice, as it has to be uploaded, tens of thousands of
+        bytes.
         """
         from eurobot_od.client import description
 

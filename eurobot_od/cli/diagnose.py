@@ -126,8 +126,9 @@ class _Asking:
             self._questions.take(time, meaning)
 
     def send(self, time: float, source: BusSource, is_last: bool) -> None:
-        """Send the requests that are due at a time in s; `is_last` if it searches for trouble once more. Raises
-        BusError.
+        """Send the requests that are due at a time in s; raises BusError.
+
+        `is_last` searches for trouble once more.
         """
         if self._questions is None:
             return

@@ -110,8 +110,9 @@ class DeviceOptions:
         return kind
 
     def values_of(self, device: LoadedDevice, number: int = 0) -> Mapping[str, Any]:
-        """Return the arguments of a device's class; `number` counts devices. Raises LocalError, FieldError,
-        UnknownName.
+        """Return the arguments of a device's class; `number` counts devices.
+
+        Raises LocalError, FieldError, UnknownName.
         """
         dictionary, commissioning = device
         serial = None if self.serial is None else self.serial + number

@@ -45,8 +45,9 @@ def positive(text: str, of: str = "") -> float:
 
 
 def span(text: str) -> float:
-    """Parse a time in s: `45`, `45s`, `500 ms`, `1min`; raises LocalError. In files the unit is needed, as objects use
-    ms.
+    """Parse a time in s: `45`, `45s`, `500 ms`, `1min`; raises LocalError.
+
+    In files the unit is needed, as objects use ms.
     """
     return texts.seconds(f"{text} s" if text[-1:].isdigit() else text)
 

@@ -59,8 +59,10 @@ class LssSlave:
 
     @classmethod
     def of(cls, dictionary: Dictionary, commissioning: Commissioning, serial: int | None = None) -> LssSlave:
-        """Return the LSS slave of a device with its file's identity and bit rates; `serial` replaces the serial
-        number."""
+        """Return the LSS slave of a device with its file's identity and bit rates.
+
+        `serial` replaces the serial number.
+        """
         said = dictionary.device.document.text
         supported = [kbit for kbit in BIT_RATES if said("deviceinfo", f"baudrate_{kbit}") == "1"]
         *kind, own = Identity.of(dictionary)

@@ -49,8 +49,10 @@ class Pdos:
         self._apply(self._built(objects.value, lambda error: self.unusable.update({error.index: error})))
 
     def _built(self, value: Callable[[Address], Value], harm: Callable[[MappingError], object]) -> Protocol:
-        """Return the messages for values of objects; `harm` is called with each error in a mapping, and may raise
-        it."""
+        """Return the messages for values of objects.
+
+        `harm` is called with each error in a mapping, and may raise it.
+        """
         dictionary = self._objects.dictionary
         return Protocol([(dictionary, dictionary.read_pdos(value, harm))], self._catalogue, harm)
 

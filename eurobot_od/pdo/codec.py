@@ -63,8 +63,10 @@ def slot(name: str, bits: int, to_field: Callable[[str], str], signed: bool = Fa
 
 
 class Run(NamedTuple):
-    """Adjacent bits of a value that are adjacent in the word: `bits` bits from value bit `shift` and word bit
-    `offset`."""
+    """Adjacent bits of a value that are adjacent in the word.
+
+    They are `bits` bits from value bit `shift` and word bit `offset`.
+    """
 
     shift: int
     offset: int

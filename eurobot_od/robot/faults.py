@@ -34,8 +34,9 @@ DRIVES_ON = Wrong("drives on after {}", lambda message: hooks.arriving(message, 
 
 
 def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> dict[str, Fault]:
-    """Return faults that steps of one suite find; a row has the fault's name, what is wrong with which message, and the
-    step.
+    """Return faults that steps of one suite find.
+
+    A row has the fault's name, what is wrong with which message, and the step.
     """
     return {
         name: Caught(suite, step).fault(wrong.text.format(hooks.words(message)), wrong.mixin(message))

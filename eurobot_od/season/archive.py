@@ -745,8 +745,9 @@ class Archiver:
         return damaged
 
     def _put(self, logs: Sequence[ReadLog]) -> Counter[str]:
-        """Move logs with the same tables into common files; their rows of `runs`, with the seals of the others, come
-        last.
+        """Move logs with the same tables into common files.
+
+        Their rows of `runs`, with the seals of the others, come last.
         """
         made = [each.tables for each in logs if each.tables is not None]
         first, *others = made

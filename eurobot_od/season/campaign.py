@@ -140,8 +140,9 @@ def dask(address: str) -> Iterator[Workers]:
 
 
 def workers(text: str | None, jobs: int | None, most: int) -> AbstractContextManager[Workers]:
-    """Return the workers: those of `dask://HOST:PORT`, otherwise `jobs` processes (default: one per core), at most
-    `most`.
+    """Return the workers: those of `dask://HOST:PORT`, otherwise `jobs` processes, at most `most`.
+
+    The default is one process per core.
     """
     if text is None:
         return local(min(jobs or cores(), most))

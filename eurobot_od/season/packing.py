@@ -37,10 +37,9 @@ Writer = Callable[[Path, pa.Schema], pq.ParquetWriter]
 
 
 def pack(folder: Path, begun: Path, opened: Writer, many: int = MANY) -> None:
-    """Join the small parts of a season if there are at least `many`; files are made in `begun`, and `opened` opens
-    them.
+    """Join the small parts of a season if there are at least `many`; raises OSError.
 
-    Raises OSError.
+    Files are made in `begun`, and `opened` opens them.
     """
     with _alone(folder / tables.RUNS) as is_alone:
         if not is_alone:

@@ -45,7 +45,8 @@ the moment the request fell due.
 
 There are only bit times and whole numbers, and every sum grows with every jitter; so the loop over all of them starts
 from the messages' own jitter and ends at the least solution. If there is none, there is "no bound": a bus that is full,
-a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`."""
+a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 First what the frame of a service says by itself: SDO (CiA 301, 7.2.4.3), NMT, SYNC, TIME, EMCY, error control, LSS. A
 frame of a valid length goes in, words come out. Then which identifier is whose. What only the frames before it tell is
-in `transfers`: here a log may start anywhere."""
+in `transfers`: here a log may start anywhere.
+"""
 
 from __future__ import annotations
 

@@ -196,8 +196,9 @@ def machine_data() -> dict[str, Any]:
 
 
 class MayMove(LocalError):
-    """Raised instead of sending a frame that may move something, until a person has confirmed it; the text is the
-    question.
+    """Raised instead of sending a frame that may move something, until a person has confirmed it.
+
+    The text is the question.
     """
 
 
@@ -305,8 +306,9 @@ class Drives:
         who: object = None,
         ticket: int | None = None,
     ) -> None:
-        """Carry out an order; raises UnknownName, LocalError for a target out of bounds, DriveError, and the errors of
-        SDO.
+        """Carry out an order.
+
+        Raises UnknownName, LocalError for a target out of bounds, DriveError, and the errors of SDO.
         """
         act = look_up("command of a drive", name, ORDERS)
         for target in LARGEST.keys() & numbers.keys():

@@ -1,7 +1,6 @@
-"""Compares the speed of this package with that of other programs: `python3 tools/bench`, or `python3 tools/run.py
-bench`.
+"""Compares the speed of this package with that of other programs.
 
-It sets up the environment and starts the command.
+`python3 tools/bench`, or `python3 tools/run.py bench`: it sets up the environment and starts the command.
 """
 
 from __future__ import annotations

@@ -54,8 +54,9 @@ def _rounds(text: str) -> int:
 
 
 def chosen(words: Sequence[str]) -> list[Series]:
-    """Return the series of the named groups, and those with a given word in their name; exit with status 2 for a word
-    that names none.
+    """Return the series of the named groups, and those with a given word in their name.
+
+    Exit with status 2 for a word that names none.
     """
     everything = [series for group in GROUPS for series in group]
     groups = dict.fromkeys(series.group for series in everything)

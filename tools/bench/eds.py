@@ -11,8 +11,9 @@ SINGLE = (0x1000, 0x1001, 0x1017, 0x1018)
 
 
 def make_eds(count: int, pdos: int = PDOS) -> str:
-    """Write the EDS of a device with `count` objects: those of its PDOs, and data, half in variables and half in
-    records.
+    """Write the EDS of a device with `count` objects.
+
+    They are those of its PDOs, and data, half in variables and half in records.
     """
     communication = [*SINGLE, *_records(0x1400, pdos), *_records(0x1800, pdos)]
     data = range(FIRST, FIRST + max(count - len(communication), 2 * pdos))

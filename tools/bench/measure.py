@@ -170,8 +170,9 @@ class Comparison(NamedTuple):
 
 
 def measure(series: Series, scale: Scale) -> Measured:
-    """Measure the contenders that a claim names; one that cannot be measured here, or is wrong, becomes a gap in the
-    result.
+    """Measure the contenders that a claim names.
+
+    One that cannot be measured here, or is wrong, becomes a gap in the result.
     """
     measured = Measured(series)
     named = {name for claim in series.claims for name in (claim.ours, claim.peer)}
@@ -185,8 +186,9 @@ def measure(series: Series, scale: Scale) -> Measured:
 
 @contextmanager
 def _noting(measured: Measured, contender: str) -> Iterator[None]:
-    """Note a failure as a gap; any error between another program and us makes its rows wrong, and does not end the
-    bench.
+    """Note a failure as a gap.
+
+    Any error between another program and us makes its rows wrong, and does not end the bench.
     """
     try:
         yield

@@ -73,8 +73,9 @@ def maker(binding: Binding) -> Callable[[random.Random], bytes]:
 
 
 def values(binding: Binding, field: str) -> range:
-    """Return the raw values, from the lowest on, that a field's kind accepts as in range; codes above them are left
-    out.
+    """Return the raw values, from the lowest on, that a field's kind accepts as in range.
+
+    Codes above them are left out.
     """
     limits = binding.limits[field]
     kind = binding.kinds[field]

@@ -54,8 +54,9 @@ class Tier(Enum):
     """I/O modules only: outputs are switched."""
 
     def allows(self, tier: Tier) -> bool:
-        """Return whether a run of this tier does steps of another; each tier includes reading, all but reading
-        reversible.
+        """Return whether a run of this tier does steps of another.
+
+        Each tier includes reading; each but reading includes reversible.
         """
         return tier in (self, Tier.READING) or (tier is Tier.REVERSIBLE and self is not Tier.READING)
 
@@ -132,8 +133,9 @@ class DeviceUnderTest:
 
     @property
     def rpdo(self) -> Pdo:
-        """The first valid RPDO with data that takes effect at once, otherwise the first with data; raises Lacks if
-        none.
+        """The first valid RPDO with data that takes effect at once, otherwise the first with data.
+
+        Raises Lacks if there is none.
         """
         # A synchronous RPDO takes effect with the next SYNC, and some devices check its length only then.
         found = min(self.seen(PdoDirection.RPDO), key=lambda each: each.is_synchronous, default=None)
@@ -147,10 +149,10 @@ class DeviceUnderTest:
 
     @property
     def probe(self) -> Address:
-        """An object to read to see whether the device answers: the error register, otherwise a number that fits one
-        frame.
+        """An object to read to see whether the device answers.
 
-        Never a text, which may have no value or need segments.
+        It is the error register, otherwise a number that fits one frame; never a text, which may have no value or need
+        segments.
         """
         numbers = (each for each in self.objects if each.readable and 0 < data_type(each).size <= 4)
         others = (address_of(each) for each in numbers)

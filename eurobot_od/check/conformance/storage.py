@@ -114,8 +114,9 @@ Clause(CHAPTER, "7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the signature")(
 
 @Clause(CHAPTER, "7.5.2.13", "Store", Tier.DESTRUCTIVE, name="store and restore")
 def _stored(device: DeviceUnderTest) -> Steps:
-    """Store another value, check it after a reset, and restore the default: all parameters, then those of
-    communication.
+    """Store another value, check it after a reset, and restore the default.
+
+    This is done for all parameters, then for those of communication.
     """
     for sub, asked in RIGHT_SIGNATURE.items():
         lack = f"the file lacks 0x1010:{sub}, 0x1011:{sub} or a parameter to be stored"

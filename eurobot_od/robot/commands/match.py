@@ -218,8 +218,10 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
 
 
 def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:
-    """Return a function that opens the bus of a live match; warn if its bit rate is too low for the robot's
-    messages."""
+    """Return a function that opens the bus of a live match.
+
+    Warn if its bit rate is too low for the robot's messages.
+    """
     slow = too_slow(asked.robot, asked.dialect, asked.bus.bitrate) if asked.bus.bitrate else ""
     # Not refused, as a team may have no faster bus, and most messages are in time.
     if slow:

@@ -86,8 +86,10 @@ class NodeOptions:
         return {"facts": facts_for(dictionary.file, facts_given(facts)), **given}
 
     def set_up(self, node: Node, run: NodeRun) -> Scene:
-        """Connect the node to its instruments; raises WorldError, LocalError, OSError. The scene raises BusError,
-        NoAnswer."""
+        """Connect the node to its instruments; raises WorldError, LocalError, OSError.
+
+        The scene raises BusError, NoAnswer.
+        """
         played = load_strategy(self.strategy) if self.strategy else None
         world = enter(node, self.world, run.duration) if self.world else None
 

@@ -62,8 +62,9 @@ class Pose(NamedTuple):
         return normalise(math.degrees(math.atan2(point.y - self.y, point.x - self.x)))
 
     def moved(self, distance: float, turn: float) -> Pose:
-        """Return the pose after an arc of `distance` mm (negative: backward), on which the heading changes by `turn`
-        degrees.
+        """Return the pose after an arc of `distance` mm; negative is backward.
+
+        The heading changes by `turn` degrees.
         """
         # Exact for any arc: the chord is turned by half of the angle.
         half = math.radians(turn) / 2

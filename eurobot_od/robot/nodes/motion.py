@@ -516,8 +516,9 @@ class Disc(NamedTuple):
         return math.hypot(start_x + share * dx - x, start_y + share * dy - y) < self.radius - ROUNDING
 
     def left_from(self, start: Point) -> Disc:
-        """Return the disc, shrunk to the distance of a `start` inside it, which the robot may leave but not enter
-        deeper.
+        """Return the disc, shrunk to the distance of a `start` inside it.
+
+        The robot may leave it, but not enter it deeper.
         """
         return self._replace(radius=min(self.radius, math.dist(self.centre, start)))
 

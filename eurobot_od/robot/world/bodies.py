@@ -228,8 +228,9 @@ AT_FAULT = 20.0
 
 
 class Touch(NamedTuple):
-    """A contact of two bodies: time in s, the robot that moved and what it met, both speeds of approach in mm/s, place
-    in mm.
+    """A contact of two bodies.
+
+    It has the time in s, the robot that moved and what it met, both speeds of approach in mm/s, and the place in mm.
     """
 
     time: float

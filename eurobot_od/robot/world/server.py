@@ -403,8 +403,9 @@ class RemoteVehicle:
             return None
 
     def _asked(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value:
-        """Send a request; report once when answers stop, and once when they return. Raises WorldError, LocalError
-        (refused).
+        """Send a request; raises WorldError, and LocalError if it is refused.
+
+        Report once when answers stop, and once when they return.
         """
         with self._lock:
             try:

@@ -110,8 +110,9 @@ class Game:
         self._done.add(("", task))
 
     def finish(self, robot: str, task: Task, pose: Pose, now: float) -> int:
-        """Return the result of a task at a robot's true pose: points or fruit; 0 if it was done before or is out of
-        reach.
+        """Return the result of a task at a robot's true pose: points or fruit.
+
+        It is 0 if the task was done before or is out of reach.
         """
         # The true pose counts, not the robot's estimate.
         if not is_near(pose, task.pose, REACH, REACH_ANGLE):

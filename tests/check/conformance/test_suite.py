@@ -295,7 +295,6 @@ def all_steps(each: Suite) -> Iterator[Step]:
 @pytest.mark.parametrize("tier", [Tier.READING, Tier.REVERSIBLE])
 def test_a_run_compares_all_values_at_its_end(tier: Tier) -> None:
     """The device sets another object whenever its heartbeat time is written, and keeps that over resets."""
-
     kept: dict[Address, Value] = {}
 
     class Stubborn(SimulatedDevice):

@@ -1,6 +1,7 @@
-"""Runs a command; prints its wall and CPU time, peak memory and exit status as JSON: `launch.py INPUT OUTPUT WORD...`
+"""Runs a command; prints its wall and CPU time, peak memory and exit status as JSON.
 
-With `-` as OUTPUT the command is ended after its first line, at which its time is taken.
+`launch.py INPUT OUTPUT WORD...`: with `-` as OUTPUT the command is ended after its first line, at which its time is
+taken.
 
 Rule of this file: it uses little of the standard library, and nothing else. A process begins with its parent's peak
 memory, so a large program cannot measure a small one.

@@ -1,6 +1,6 @@
-"""Runs `eurobot-od` and writes the names of the EDS and DCF files that it opened: `opened.py REPORT WORD...`
+"""Runs `eurobot-od` and writes the names of the EDS and DCF files that it opened.
 
-Python reports every file that is opened (PEP 578).
+`opened.py REPORT WORD...`: Python reports every file that is opened (PEP 578).
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Converts a candump log to Parquet by Polars, one file of all frames and one for each message: `peer_polars.py LOG DBC
-FOLDER`.
+"""Converts a candump log to Parquet by Polars, one file of all frames and one for each message.
+
+`peer_polars.py LOG DBC FOLDER`
 """
 
 from __future__ import annotations

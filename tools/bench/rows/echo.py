@@ -1,7 +1,7 @@
-"""The time from a request to its answer between two live nodes, compared with an echo between two bare python-can
-Notifiers.
+"""The time from a request to its answer between two live nodes, compared with bare python-can.
 
-Both sides are in one process on one in-process bus; a round's figures are those of its echoes.
+The peer is an echo between two Notifiers. Both sides are in one process on one in-process bus; a round's figures are
+those of its echoes.
 """
 
 from __future__ import annotations
@@ -73,8 +73,9 @@ def function(bus: can.BusABC) -> Live:
 
 @contextmanager
 def ours(answering: Answering) -> Iterator[Callable[[], float]]:
-    """Yield the function that sends a typed message and waits for the answer; like a Notifier's, it is heard in the
-    thread that receives.
+    """Yield the function that sends a typed message and waits for the answer.
+
+    The answer is received in the thread that reads the bus, like a Notifier's.
     """
     channel = new_channel()
     answer = Answer()

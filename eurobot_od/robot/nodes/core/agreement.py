@@ -99,8 +99,9 @@ class NodeMismatch(RemoteError):
 
 
 def _dialect(of_all: int | None) -> str:
-    """Return the name of the dialect with a fingerprint of all messages, as a part of a sentence; empty if there is
-    none.
+    """Return the name of the dialect with a fingerprint of all messages, as a part of a sentence.
+
+    It is empty if there is none.
     """
     loaded = ((name, next(iter(dialects.load_all(name)))) for name in dialects.names() if of_all is not None)
     known = [name for name, dictionary in loaded if dictionary.default((FINGERPRINTS, OF_ALL)) == of_all]

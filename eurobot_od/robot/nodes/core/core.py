@@ -407,8 +407,9 @@ class Core(CoreSettings):
         self.at_match_end()
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return the application's functions for the objects; the core also watches for frames that others send in its
-        name.
+        """Return the application's functions for the objects.
+
+        The core also watches for frames that others send in its name.
         """
         return super()._application(dictionary)._replace(overheard=lambda frame: self._distrust.overheard(frame))
 

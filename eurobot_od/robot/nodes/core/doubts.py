@@ -1,5 +1,6 @@
-"""Decides what the core must not believe: confirms that it has not asked for, places that the robot cannot have
-reached.
+"""Decides what the core must not believe.
+
+These are confirms that it has not asked for, and places that the robot cannot have reached.
 
 Rule of this file: numbers and times in, a verdict out; the consequences are the core's.
 """
