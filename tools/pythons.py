@@ -25,12 +25,15 @@ PART = (
     "tests/test_packaging.py",  # all modules are imported
     "tests/od",
     "tests/pdo",
+    "tests/client/test_canopen_names.py",
     "tests/bus/live",
-    "tests/traffic",
+    "tests/traffic/formats",
     "tests/season",
-    "tests/cli",
+    "tests/cli/test_main.py",
+    "tests/cli/test_season.py",
+    "tests/cli/test_installation.py",
 )
-"""Tests that use other packages, and those that depend on threads, files and argparse."""
+"""Tests that use other packages, and those that depend on threads, files and argparse; the nightly runs all."""
 
 
 class Row(NamedTuple):

@@ -23,7 +23,7 @@ The source contains only numbers and names made here, nothing from a file.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple
 
 from eurobot_od.errors import FieldError
@@ -91,8 +91,7 @@ class Layout:
     `raws` are the raw values that fit each field's bits.
 
     The frame is read as one integer, in the byte order with the fewest runs: a value in slices with the most
-    significant first is one run in big-endian order. `runs_in` has each field's runs for both orders, `runs` those for
-    the chosen order.
+    significant first is one run in big-endian order.
 
     Raises LayoutError for over 64 bits, and for slices that overlap or leave a gap.
     """
@@ -113,11 +112,22 @@ class Layout:
             field: range(-(1 << width - 1), 1 << width - 1) if field in self.signed else range(1 << width)
             for field, width in self.widths.items()
         }
-        orders: tuple[ByteOrder, ...] = ("little", "big")
-        self.runs_in = {order: self._runs_in(order) for order in orders}
-        # `min` returns the first of equals: CANopen's own order, little-endian.
-        self.byte_order: ByteOrder = min(orders, key=lambda order: sum(map(len, self.runs_in[order].values())))
-        self.runs = self.runs_in[self.byte_order]
+
+    @cached_property
+    def runs_in(self) -> dict[ByteOrder, dict[str, tuple[Run, ...]]]:
+        """Each field's runs in both byte orders, made on first use: few of a device's messages are ever used."""
+        orders: tuple[ByteOrder, ...] = ("little", "big")  # CANopen's own order first: `min` returns it if equal
+        return {order: self._runs_in(order) for order in orders}
+
+    @cached_property
+    def byte_order(self) -> ByteOrder:
+        """The byte order with the fewest runs."""
+        return min(self.runs_in, key=lambda order: sum(map(len, self.runs_in[order].values())))
+
+    @cached_property
+    def runs(self) -> dict[str, tuple[Run, ...]]:
+        """Each field's runs in the chosen byte order."""
+        return self.runs_in[self.byte_order]
 
     def _collect(self) -> dict[str, list[tuple[int, int]]]:
         """Return each field's pairs of value bit and frame bit."""

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import polars as pl
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.od.dictionary import Dictionary
@@ -114,6 +114,7 @@ def defects_of(season: Season) -> set[tuple[int, str, str]]:
 
 @example([("a", SECOND_SERVER), ("a", BY_IT), ("a", ["181#3702"]), ("b", ["181#3702"])])
 @given(TRAFFIC)
+@settings(max_examples=settings().max_examples // 4)
 def test_a_season_has_the_values_and_the_damage_of_single_frames(traffic: list[tuple[str, list[str]]]) -> None:
     log = log_of(traffic)
     with TemporaryDirectory() as folder:

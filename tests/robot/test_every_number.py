@@ -174,7 +174,7 @@ def test_the_table_has_numbers_of_all_kinds() -> None:
     assert len(NUMBERS) > 350
 
 
-@rows("number", NUMBERS, sample=16)
+@rows("number", NUMBERS, sample=6)
 def test_a_number_that_is_changed_in_the_table_is_changed_everywhere(number: Number) -> None:
     assert is_seen(number), unseen_places(number)
 

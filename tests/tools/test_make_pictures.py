@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 import make_pictures
 import pytest
 
+pytestmark = pytest.mark.long
+
 NAMES = ["field.svg", "match.svg", "monitor.svg", "red-step.svg"]
 
 
@@ -20,7 +22,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES[:2])  # that of the monitor changes with rich, too
 def test_the_documentation_has_what_the_tool_makes(made: Path, name: str) -> None:
     assert (made / name).read_bytes() == (make_pictures.DOCS / name).read_bytes(), "run tools/make_pictures.py"

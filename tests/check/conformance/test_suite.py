@@ -241,7 +241,12 @@ def values(device: SimulatedDevice) -> dict[Address, Value]:
     return {address: device.device.objects.kept(address) for address in device.device.dictionary.addresses()}
 
 
-@pytest.mark.parametrize("chapter", [each.word for each in suite.CHAPTERS])
+SLOW = ("error-control", "storage")
+
+
+@pytest.mark.parametrize(
+    "chapter", [pytest.param(each.word, marks=pytest.mark.long if each.word in SLOW else ()) for each in suite.CHAPTERS]
+)
 def test_all_values_are_put_back(chapter: str) -> None:
     """Without the reset at the end, which would hide what is not."""
     made: list[SimulatedDevice] = []
