@@ -17,12 +17,11 @@ import os
 import re
 import time
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cached_property, partial
 from math import inf
 from pathlib import Path
-from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import polars as pl
@@ -449,7 +448,7 @@ class Season:
         Args:
             query: the query.
             values: values of `$name` in the query; unused ones are ignored.
-            progress: called from another thread with how much is done in percent, at the end with 100.
+            progress: called with how much is done in percent, at the end with 100.
             at_most: maximum time in s, after which the query is cancelled.
         """
         import duckdb
@@ -458,13 +457,7 @@ class Season:
         with duckdb.connect() as connection:
             self._add_views(connection, query)
             try:
-                is_watched = progress is not None or at_most < inf
-                with _watched(connection, progress, at_most) if is_watched else nullcontext():
-                    self._confine(connection)
-                    answer = connection.sql(query, params=named or None)
-                    rows: pl.DataFrame = pl.DataFrame()
-                    if answer is not None:  # one row more than allowed, to find out whether there are more
-                        rows = _as_text(answer).limit(MOST_ROWS + 1).pl()
+                rows = _watched(connection, partial(self._answer, connection, query, named), progress, at_most)
             except duckdb.InterruptException:
                 raise SqlError(f"the query has not ended within {texts.text(at_most)}") from None
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
@@ -475,6 +468,12 @@ class Season:
         if len(rows) > MOST_ROWS:
             raise SqlError(f"more than {MOST_ROWS} rows: ask for sums, or for a part by LIMIT")
         return rows
+
+    def _answer(self, connection: duckdb.DuckDBPyConnection, query: str, named: Mapping[str, Any]) -> pl.DataFrame:
+        """Return the rows of a query, one more than allowed at most, which shows that there are more."""
+        self._confine(connection)
+        answer = connection.sql(query, params=named or None)
+        return pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
 
     def _confine(self, connection: duckdb.DuckDBPyConnection) -> None:
         """Confine queries to the season's folder for good; our own settings have to be made before."""
@@ -567,28 +566,29 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
     )
 
 
-@contextmanager
-def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress | None, at_most: float) -> Iterator[None]:
-    """Report the progress of a connection's queries during the block, and cancel them after `at_most` s."""
+def _watched(
+    connection: duckdb.DuckDBPyConnection, ask: Callable[[], pl.DataFrame], progress: Progress | None, at_most: float
+) -> pl.DataFrame:
+    """Return the answer of a connection, report its progress, and cancel it after `at_most` s or at Ctrl-C.
+
+    It is asked in another thread, since Ctrl-C waits until the thread that it interrupts returns from DuckDB.
+    """
     connection.execute("SET enable_progress_bar = true; SET enable_progress_bar_print = false")
     connection.execute("SET progress_bar_time = 0")  # the default is two seconds
-    over = Event()
     end = time.monotonic() + at_most
-
-    def watch() -> None:
-        while not over.wait(INTERVAL):
-            if time.monotonic() > end:  # repeatedly, as a query that has just begun ignores it
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(ask)
+        try:
+            while not wait([answer], INTERVAL).done:
+                if time.monotonic() > end:  # repeatedly, as a query that has just begun ignores it
+                    connection.interrupt()
+                if progress and (done := connection.query_progress()) >= 0:  # negative if DuckDB does not know
+                    progress(round(done))
+        finally:
+            while not wait([answer], 0).done:
                 connection.interrupt()
-            if progress and (done := connection.query_progress()) >= 0:  # negative if DuckDB does not know
-                progress(round(done))
-
-    # The query blocks this thread, so another one asks for the progress.
-    thread = Thread(target=watch, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+                wait([answer], INTERVAL)
+    rows = answer.result()
     if progress:
         progress(100)
+    return rows

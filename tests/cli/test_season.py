@@ -169,6 +169,12 @@ def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureF
     assert run(capsys, "query", season).status == 0
 
 
+def test_at_most_ends_a_query_that_would_never_end(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    endless = "SELECT sum(a.range * b.range) FROM range(1000000) a, range(10000000) b"
+    said = run(capsys, "query", season, endless, "--at-most", "200ms")
+    assert said == (2, "", "eurobot-od: the query has not ended within 200 ms\n")
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

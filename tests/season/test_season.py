@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import shutil
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -202,6 +203,19 @@ def test_a_query_ends_after_its_time_limit(season: Season, progress: Callable[[i
     with pytest.raises(SqlError, match="has not ended within 200 ms"):
         season.sql(ENDLESS, progress=progress, at_most=0.2)
     assert len(season.sql("SELECT * FROM range(3)", at_most=60)) == 3
+
+
+@pytest.mark.posix
+def test_ctrl_c_ends_a_query_at_once(season: Season) -> None:
+    told: list[int] = []
+
+    def interrupt(done: int) -> None:  # the query runs: its progress is known
+        told.append(done)
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        season.sql(ENDLESS, progress=interrupt, at_most=60)
+    assert len(told) == 1
 
 
 def test_one_row_more_than_the_limit_is_an_error(season: Season, monkeypatch: pytest.MonkeyPatch) -> None:
