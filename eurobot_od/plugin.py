@@ -107,9 +107,9 @@ class Plugin(NamedTuple):
     About a robot's network: `dialects` are folders of its EDS files, `table` is the protocol table that others may
     extend, `folder` the folder of its other files; `catalogue` has its messages, `drawings` draws them in an MCAP file,
     `suites` is a folder of check suites, `reports` are questions to a season, `beside` returns the events of a log that
-    its frames do not show (picklable). `partners` connects simulated nodes under
-    test to their surroundings, with random numbers from a seed, and returns the programs of some by name; `stored`
-    returns the stored values of such a node. `stage` are the options of `node` for them.
+    its frames do not show. `partners` connects simulated nodes under test to their surroundings, with random numbers
+    from a seed, and returns the programs of some by name; `stored` returns the stored values of such a node. `stage`
+    are the options of `node` for them.
     """
 
     name: str = ""

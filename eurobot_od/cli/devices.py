@@ -35,6 +35,7 @@ from eurobot_od.support.texts import amount
 if TYPE_CHECKING:
     from eurobot_od.client.description import Found
     from eurobot_od.client.master import Master, RemoteNode
+    from eurobot_od.season.events import LogEvent
     from eurobot_od.traffic.dbc import ForeignMessage
     from eurobot_od.traffic.diagnosis.incidents import Watcher
     from eurobot_od.traffic.load import MessageSet
@@ -226,6 +227,10 @@ class Devices:
     def frames_of(self, device: Dictionary) -> Mapping[int, ForeignMessage]:
         """Return a device's non-CANopen frames, as its package describes them, by COB-ID."""
         return self.plugins.of(device).frames(device)
+
+    def events_of(self, log: Path) -> Sequence[LogEvent]:
+        """Return the events of a log that its frames do not show, as the robot's plug-in knows them."""
+        return self.plugins.robot.beside(log)
 
     def watchers(self, decoder: Decoder) -> list[type[Watcher]]:
         """Return the plug-ins' rules of `diagnose` for the devices of a decoder."""

@@ -48,14 +48,15 @@ def archive(
     promised = devices.promised(decoder).messages  # with a row for each sender of a message
     answering = (each for each in promised if each.answers and each.identifier in messages)
     answers = {messages[each.identifier]: each.answers for each in answering}
+    sent = replace(devices)  # a copy without cached files, as it is pickled for other processes
     network = DecodedNetwork(
         decoder.dictionaries,
         decoder.protocol.catalogue,
         tuple(answers.items()),
         devices.error_words(names.emcy),
         tuple(devices.dbc_files(names)),
-        replace(devices).frames_of,  # a copy without cached files, as it is pickled for other processes
-        devices.plugins.robot.beside,
+        sent.frames_of,
+        sent.events_of,
     )
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
     with campaign.workers(None, jobs, len(logs)) as workers, drawn as draw:

@@ -473,7 +473,8 @@ class Season:
         """Return the rows of a query, one more than allowed at most, which shows that there are more."""
         self._confine(connection)
         answer = connection.sql(query, params=named or None)
-        return pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
+        rows: pl.DataFrame = pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
+        return rows
 
     def _confine(self, connection: duckdb.DuckDBPyConnection) -> None:
         """Confine queries to the season's folder for good; our own settings have to be made before."""
