@@ -79,13 +79,12 @@ MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time", "lss"), "bus"),
     **dict.fromkeys(("read", "write", "dump", "pdo", "emcy", "drive"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "program"), "objects"),
-    "archive": "season",
+    **dict.fromkeys(("archive", "query"), "season"),
     **dict.fromkeys(("export", "make-eds"), "files"),
     **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
-    "devices": "library",
     "new-device": "new_device",
-    "diff": "lint",
+    **dict.fromkeys(("diff", "edit", "devices"), "lint"),
     "faults": "node",
 }
 """Modules of commands, where the name differs."""

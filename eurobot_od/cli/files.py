@@ -311,7 +311,7 @@ def concise(node: NodeFile, clone: Clone) -> tuple[list[Write], Dictionary]:
     The DCF may be that of another node.
     """
     from eurobot_od.client.configure import all_writes, check_file, check_whole
-    from eurobot_od.od.renumbering import renumbered
+    from eurobot_od.od.dcf import renumbered
     from eurobot_od.od.values import pdo_of
 
     dictionary = node._replace(name="").load()

@@ -28,10 +28,10 @@ from eurobot_od.client.streams import clear_history, read_history
 from eurobot_od.errors import LocalError, NoAnswer, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS
+from eurobot_od.od.dcf import renumbered
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.renumbering import renumbered
 from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, MOST_SUBS, NOT_VALID, label
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
     from eurobot_od.bus.live.buses import Opener
     from eurobot_od.client.master import Guard, Master
-    from eurobot_od.od.dcf import Dcf
+    from eurobot_od.od.dcf import ChosenCobIds, Dcf
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.renumbering import ChosenCobIds
     from eurobot_od.plugin import Plugins
     from eurobot_od.season.campaign import Workers
     from eurobot_od.season.results import Results
@@ -191,7 +190,7 @@ class Clone:
     @property
     def chosen(self) -> ChosenCobIds | None:
         """The choice, None if there is none."""
-        from eurobot_od.od.renumbering import ChosenCobIds  # here, as most commands write no DCF
+        from eurobot_od.od.dcf import ChosenCobIds  # here, as most commands write no DCF
 
         if self.keep_cob_ids:
             return ChosenCobIds.KEEP

@@ -24,13 +24,12 @@ from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import dcf, objects, values
-from eurobot_od.od.dcf import Dcf, Write, with_contents
+from eurobot_od.od.dcf import ChosenCobIds, Dcf, Write, renumbered, with_contents
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, at, data_type, decode, encode, label, shown, unlimited
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
-from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.standard import ALL_PARAMETERS, RESTORE, SIGNATURES, STORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
 from eurobot_od.od.words import written

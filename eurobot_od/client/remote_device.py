@@ -36,10 +36,10 @@ from eurobot_od.device.nmt import TARGET, TOGGLE, NmtCommand, NmtState, canopen_
 from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
+from eurobot_od.od.dcf import ChosenCobIds
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
-from eurobot_od.od.renumbering import ChosenCobIds
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.units import scale_of
 from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed

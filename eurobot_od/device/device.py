@@ -3,12 +3,12 @@
 | part | clauses |
 |---|---|
 | `nmt.NmtStates` | NMT states and their services: 7.3.2.2 |
-| `error_control.ErrorControl` | heartbeats, node guarding: 7.2.8.2.2 |
+| `nmt.ErrorControl` | heartbeats, node guarding: 7.2.8.2.2 |
 | `pdo_service.PdoService` | PDOs: 7.2.2 |
-| `sync_time.SyncAndTime` | SYNC, TIME: 7.2.5, 7.2.6 |
+| `pdo_service.SyncAndTime` | SYNC, TIME: 7.2.5, 7.2.6 |
 | `broadcasts.Emergencies` | EMCY: 7.2.7 |
 | `storage.Storage` | stored values: 7.5.2.13, 7.5.2.14 |
-| `sdo_service.SdoService` | SDO: 7.2.4 |
+| `SdoService` | SDO: 7.2.4 |
 | `lss.LssSlave` | LSS: CiA 305 |
 
 There is no clock and no bus in this module: input is frames and the time in s, output is frames and typed messages.
@@ -17,33 +17,70 @@ Wrong frames cause an EMCY, an SDO abort or a count, never an exception.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from math import inf
 
 from eurobot_od.controller import Stay
 from eurobot_od.device import broadcasts, nmt
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.error_control import ErrorControl
 from eurobot_od.device.lss import LssSlave
-from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.device.nmt import ErrorControl, NmtCommand, NmtState, NmtStates
 from eurobot_od.device.objects import Objects, OnRead, OnWrite, Store, predefined, unrestricted
-from eurobot_od.device.pdo_service import PdoService
+from eurobot_od.device.pdo_service import PdoService, SyncAndTime
 from eurobot_od.device.reaction import FrameHandler, Reaction
-from eurobot_od.device.sdo_service import SdoService
 from eurobot_od.device.storage import Storage
-from eurobot_od.device.sync_time import SyncAndTime
 from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, Address, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, Reason
+
+
+class SdoService(SdoServer):
+    """The SDO server of a device from one reset to the next; all times are in s.
+
+    `requests` and `answers` are its COB-IDs, which a master cannot change (CiA 301, 7.5.2.33: ro). `settle` stores the
+    values of received PDOs in the objects.
+    """
+
+    def __init__(self, objects: Objects, nmt: NmtStates, settle: Callable[[], None]) -> None:
+        super().__init__(objects)
+        self._objects, self._nmt, self._settle = objects, nmt, settle
+        self.requests, self.answers = SdoChannel.of(objects.dictionary)
+
+    @property
+    def handlers(self) -> dict[int | None, FrameHandler]:
+        """Handlers by COB-ID: of requests, and of other servers' answers to this device."""
+        # Sub-index 2 of 0x1280 and following is the COB-ID of a server's answers (7.5.2.34).
+        clients = [index for index in standard.SDO_CLIENTS if index in self._objects.dictionary.members]
+        answered: dict[int | None, FrameHandler] = {
+            self._objects.cob_id((index, 2)): _receive_answer for index in clients
+        }
+        return {**answered, self.requests: self._receive_request}
+
+    def due(self, now: float) -> list[Frame]:
+        """Return the abort of a transfer after the client's time-out."""
+        return [Frame(self.answers, data) for data in self.tick(now)]
+
+    def _receive_request(self, frame: Frame, now: float) -> Reaction:
+        if not self._nmt.serves:
+            return Reaction([])
+        self._settle()  # first, so that a read returns the values of the last PDO
+        return Reaction([Frame(self.answers, data) for data in self.receive(frame.data, now)])
+
+
+def _receive_answer(frame: Frame, _: float) -> Reaction:
+    return Reaction([], answer=frame)
+
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,

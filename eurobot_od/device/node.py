@@ -17,11 +17,10 @@ from eurobot_od.controller import Controller, Reporter
 from eurobot_od.device import node_class
 from eurobot_od.device.bound import Application, BoundObject, names_of
 from eurobot_od.device.device import Device
-from eurobot_od.device.hooks import NodeHooks
 from eurobot_od.device.lss import LssSlave
 from eurobot_od.device.objects import Store
 from eurobot_od.device.reaction import Reaction
-from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
+from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od import fingerprints
@@ -29,6 +28,36 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Value
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message, is_flagged
+
+
+class NodeHooks:
+    """Methods for events of a node; by default they do nothing."""
+
+    def halted(self) -> None:
+        """The node is no longer OPERATIONAL."""
+
+    def cut_off(self) -> None:
+        """The bus is lost, so that nobody can command the node; by default the same as `halted`."""
+        self.halted()
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """The heartbeat of another node is lost."""
+
+    def booted(self, node_id: int) -> None:
+        """A watched node has booted, and so has lost its state."""
+
+    def answered(self, frame: Frame) -> None:
+        """Another node has answered one of our SDO requests."""
+
+    def leave(self) -> Call[Any] | None:
+        """Start the last actions before the node is switched off; return their call, or None.
+
+        The caller waits for the call before it ends the node. It may be called from any thread.
+        """
+        return None
+
+    def switched_off(self) -> None:
+        """Cancel all pending calls: `receive` and `tick` will not be called again."""
 
 
 class Node(NodeHooks):

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError, LocalError
-from eurobot_od.library.index import LibraryEntry, described
-from eurobot_od.library.library import Library
+from eurobot_od.library.library import Library, LibraryEntry, described
 from eurobot_od.lint.findings import LEVELS, Severity, count
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import lint_device

@@ -15,10 +15,10 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.od import values
+from eurobot_od.od.dcf import following
 from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedRecords, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.formats import no_objects
-from eurobot_od.od.renumbering import following
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, Number
 from eurobot_od.sdo.wire import AbortCode, code_and_reason

@@ -1,7 +1,9 @@
 """A device's object dictionary: canopen's, read from the normal form of an EDS or DCF.
 
-Beside canopen's `objects` there is the `device` in the normal form, for writing files. `parameters` tells settings from
-process data, `pdos` reads PDOs, `sdo_channels` finds the SDO server, `identity` reads the identity.
+canopen's own reader refuses or misreads common practice. Its functions read the normal form (`normal`) except for a few
+attributes, which are set here. Beside canopen's `objects` there is the `device` in the normal form, for writing files.
+`Parameters` tells settings from process data, `pdos` reads PDOs, `sdo_channels` finds the SDO server, `identity` reads
+the identity.
 
 Nothing is guessed. Objects that cannot be read with certainty are left out and listed in the `refusals` of the `normal`
 form; a file without any usable object is refused.
@@ -9,29 +11,155 @@ form; a file without any usable object is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import canopen_objects, formats, values
+from eurobot_od.od import cia401, cia402, formats, standard, values
 from eurobot_od.od import objects as od
-from eurobot_od.od.document import Document, parse, read_bytes
+from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
+from eurobot_od.od.document import Document, Section, parse, read_bytes
 from eurobot_od.od.maker import MakersWords, device_yaml_of, read_maker
 from eurobot_od.od.meanings import ObjectMeaning, read_meanings
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import NormalizedEds, normal
-from eurobot_od.od.parameters import Parameters
 from eurobot_od.od.patches import Patch, read_patch
-from eurobot_od.od.pdos import OnRefused, Pdo, PdoReader, fatal
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.pdos import OnRefused, Pdo, PdoReader, fatal, part_of, unheard
+from eurobot_od.od.values import Address, Number, PdoDirection, Value
+from eurobot_od.od.words import profile_of
 from eurobot_od.support.files import UNREADABLE, why_unreadable
 from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
+    from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
+
+
+class _Read:
+    """The two methods of `configparser` that canopen calls for a variable, for a section that is already read."""
+
+    @staticmethod
+    def get(section: Section, key: str, fallback: str | None = None) -> str | None:
+        entry = section.entries.get(key.lower())
+        return fallback if entry is None else entry.value
+
+    @staticmethod
+    def has_option(section: Section, key: str) -> bool:
+        return key.lower() in section.entries
+
+
+def _add(objects: ObjectDictionary, each: DescribedObject, node_id: int, left_out: Container[object]) -> None:
+    """Add an object of a normal form, with its sub-indices, as canopen reads it."""
+    from canopen.objectdictionary import ODArray, ODRecord, eds
+
+    read = partial(eds.build_variable, _Read, node_id=node_id, index=each.index)
+    kinds: dict[ObjectCode | None, type[ODArray | ODRecord]] = {ObjectCode.ARRAY: ODArray, ObjectCode.RECORD: ODRecord}
+    kind = kinds.get(each.code)
+    if each.section and kind:
+        whole = kind(each.section.text("parametername"), each.index)
+        whole.storage_location = _Read.get(each.section, "StorageLocation")  # type: ignore[assignment]
+        for sub, member in each.subs.items():
+            if (each.index, sub) not in left_out:
+                whole.add_member(read(section=member.section, subindex=sub))
+        objects.add_object(whole)
+    elif each.section and each.code in SIMPLE:
+        objects.add_object(read(section=each.section))
+
+
+def completed(objects: ObjectDictionary, more: Mapping[int, Mapping[int, ODVariable]]) -> ObjectDictionary:
+    """Return objects with added or replaced variables, given by index and sub-index."""
+    made = copy(objects)
+    made.indices = dict(objects.indices)
+    for index, subs in more.items():
+        made.indices[index] = _joined(objects.indices.get(index), index, subs)
+    return made
+
+
+def _joined(
+    entry: ODVariable | ODArray | ODRecord | None, index: int, more: Mapping[int, ODVariable]
+) -> ODVariable | ODArray | ODRecord:
+    """Return an object with more variables; a replaced one keeps its name."""
+    from canopen.objectdictionary import ODRecord
+
+    subs = {} if entry is None else od.members_of(entry)
+    joined = subs | {sub: od.changed(each, name=subs[sub].name) if sub in subs else each for sub, each in more.items()}
+    if list(joined) == [0]:
+        return joined[0]
+    whole = next(iter(more.values())).parent if entry is None else entry
+    record = ODRecord("" if whole is None else str(getattr(whole, "name", "")), index)
+    for sub in sorted(joined):
+        record.add_member(od.changed(joined[sub]))
+    return record
+
+
+def imported(file: Path, normal: NormalizedEds, device: DescribedDevice, node_id: int) -> ObjectDictionary:
+    """Import the normalized EDS with canopen, then set the attributes that it ignores.
+
+    Only the sections about the device go through canopen's `configparser`, which is slow.
+    """
+    import configparser
+    import logging
+
+    from canopen.objectdictionary import ObjectDictionaryError, eds
+
+    logging.getLogger("canopen").addHandler(logging.NullHandler())  # errors are reported by exceptions only
+    try:
+        objects: ObjectDictionary = eds.import_eds(StringIO(normal.about), node_id)  # type: ignore[no-untyped-call]
+        left_out = {(each.index, each.sub) for each in normal.refusals}
+        for described in device.objects.values():
+            if (described.index, None) not in left_out:
+                _add(objects, described, node_id, left_out)
+    except (ValueError, KeyError, configparser.Error, ObjectDictionaryError) as error:
+        raise DictionaryError(file, None, f"canopen cannot read it: {error}") from error
+    objects.node_id = node_id
+    for index, sub, attribute, value in normal.canopen_attributes:
+        entry = objects.indices.get(index)
+        target = od.members_of(entry).get(sub) if entry is not None and sub is not None else entry
+        if target is not None:  # None for a refused object
+            setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
+    return objects
+
+
+PROCESS_DATA = {cia401.PROFILE: cia401.PROCESS_DATA, cia402.PROFILE: cia402.PROCESS_DATA}
+
+
+class Parameters:
+    """The settings of a device: objects that are configured, stored, and written to a DCF.
+
+    Settings may be mapped into PDOs; `process_data`, commands and histories are not settings.
+    """
+
+    def __init__(self, objects: ObjectDictionary, pdo_reader: PdoReader) -> None:
+        self._objects, self._pdo_reader = objects, pdo_reader
+
+    def __contains__(self, address: Address) -> bool:
+        variable = od.variable_at(self._objects, address)
+        if variable is None or not od.is_described(variable) or not variable.writable:
+            return False
+        return address[0] not in standard.NOT_PARAMETERS and address not in self.process_data
+
+    @cached_property
+    def process_data(self) -> frozenset[Address]:
+        """Process data by the device profile (CiA 401, CiA 402), or by the mappings of valid PDOs.
+
+        All objects in RPDOs are process data; in TPDOs only those with access `rwr`, as a master may set others.
+        """
+        found = set()
+        for pdo in self._pdo_reader.pdos(unheard, listening=True):
+            if not pdo.valid:
+                continue
+            for each in pdo.mapping:
+                if pdo.direction is PdoDirection.RPDO or each.variable.access_type == "rwr":
+                    part = part_of(self._objects, each.variable)
+                    found |= {each.address, part.whole if part else each.address}
+        of_profile = PROCESS_DATA.get(profile_of(self._objects), {})
+        for index, entry in self._objects.indices.items():
+            subs = of_profile.get(cia402.on_first_axis(index), ()) if index not in values.DUMMIES else ()
+            found |= {(index, sub) for sub in od.members_of(entry) if sub in subs}
+        return frozenset(found)
 
 
 class Dictionary:
@@ -57,7 +185,7 @@ class Dictionary:
         self.normal = normal
         self.device = normal.device
         self.node_id = self._checked_node_id(self.device.said_node_id if node_id is None else node_id)
-        self.objects = canopen_objects.imported(file, normal, self.device, self.node_id)
+        self.objects = imported(file, normal, self.device, self.node_id)
         if not self.members:
             for each in normal.refusals:
                 raise DictionaryError(file, None, str(each))
@@ -238,7 +366,7 @@ class Dictionary:
     def completed(self, other: Dictionary) -> Self:
         """Return the device with variables of another description added or replaced."""
         made = copy(self)
-        made.objects = canopen_objects.completed(self.objects, other.members)
+        made.objects = completed(self.objects, other.members)
         for made_of_objects in ("members", "_by_address", "_by_name", "pdos", "parameters"):
             made.__dict__.pop(made_of_objects, None)
         return made

@@ -19,8 +19,7 @@ from typing import Any, ClassVar
 from aiohttp import WSMsgType, web
 
 from eurobot_od.errors import LocalError
-from eurobot_od.web.access import TOKEN, AccessRules
-from eurobot_od.web.connections import LONGEST_SILENCE, Connections
+from eurobot_od.web.access import LONGEST_SILENCE, TOKEN, AccessRules, Connections
 from eurobot_od.web.editor import LONGEST_REQUEST as LONGEST_EDIT
 from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests

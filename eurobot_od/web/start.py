@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from eurobot_od.bus import live
-from eurobot_od.bus.live.listening import BIT_RATES, check_silent, frames_at
+from eurobot_od.bus.live.adapters import BIT_RATES, check_silent, frames_at
 from eurobot_od.errors import LocalError, look_up
-from eurobot_od.library.index import LibraryEntry
-from eurobot_od.library.library import Library
+from eurobot_od.library.library import Library, LibraryEntry
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.files import write_whole
 from eurobot_od.web import page

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.check.actions.flow import Nmt
 from eurobot_od.check.actions.frames import Expect, Poll, Send
+from eurobot_od.check.actions.nodes import Nmt
 from eurobot_od.check.actions.objects import SdoWrite
 from eurobot_od.check.suite import HEARTBEAT, FramePattern, Group, MessagePattern, Order, ServicePattern
 from eurobot_od.device.nmt import NmtCommand, NmtState

@@ -251,7 +251,7 @@ def test_any_exception_of_a_library_becomes_one_line(error: type[Exception], mon
     monkeypatch.setattr("eurobot_od.od.xml_tree.read_xml", raises)
     with pytest.raises(DictionaryError, match=r"^a.xdd: .*line 1: no XML of a device description \(.+\)$"):
         Dictionary.read(XDD.encode(), Path("a.xdd"), 5)
-    monkeypatch.setattr("eurobot_od.od.canopen_objects.imported", raises)
+    monkeypatch.setattr("eurobot_od.od.dictionary.imported", raises)
     with pytest.raises(DictionaryError, match=r"^a.eds: .+$"):
         Dictionary.read(CLEAN.read_bytes(), Path("a.eds"), 5)
 

@@ -13,7 +13,7 @@ from typing import Any
 import can
 import pytest
 
-from eurobot_od.bus.live import listening
+from eurobot_od.bus.live import adapters
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.library.library import Library
 from eurobot_od.web.start import BusChoice, LogChoice, SimulatedChoice, StartPage
@@ -126,13 +126,13 @@ class Adapter(can.BusABC):
 @pytest.mark.parametrize(("bit_rate", "frames"), [(500_000, 0), (250_000, 3), (125_000, 0)])
 def test_a_bit_rate_is_found_by_listening_alone(monkeypatch: pytest.MonkeyPatch, bit_rate: int, frames: int) -> None:
     monkeypatch.setattr(can, "Bus", Adapter)
-    assert listening.frames_at("slcan", "/dev/ttyACM0", bit_rate, wait=0.01) == frames
+    assert adapters.frames_at("slcan", "/dev/ttyACM0", bit_rate, wait=0.01) == frames
     assert Adapter.opened[-1] == {"bitrate": bit_rate, "listen_only": True}
 
 
 def test_who_cannot_listen_silently_does_not_listen() -> None:
     with pytest.raises(LocalError, match="usb2can cannot listen silently"):
-        listening.frames_at("usb2can", "0", 500_000)
+        adapters.frames_at("usb2can", "0", 500_000)
 
 
 def arrives(window: Page, expression: str) -> None:

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from eurobot_od.check.actions import flow, frames, nodes, objects
-from eurobot_od.check.actions.flow import Nmt
+from eurobot_od.check.actions import frames, nodes, objects
 from eurobot_od.check.actions.frames import Never, Period, Poll, Send
-from eurobot_od.check.actions.nodes import Dump, SelfReported
+from eurobot_od.check.actions.nodes import Dump, Nmt, SelfReported
 from eurobot_od.check.actions.objects import SdoRead, SdoRestore, SdoWrite
 from eurobot_od.check.shapes import MakeRow
 
-ACTIONS: Final[Mapping[str, MakeRow]] = {**frames.ACTIONS, **objects.ACTIONS, **nodes.ACTIONS, **flow.ACTIONS}
+ACTIONS: Final[Mapping[str, MakeRow]] = {**frames.ACTIONS, **objects.ACTIONS, **nodes.ACTIONS}
 """All actions by key."""
 
 QUESTIONS = (Send, SdoRead, SdoWrite, SdoRestore, Dump, SelfReported, Poll)

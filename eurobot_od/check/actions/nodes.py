@@ -1,7 +1,8 @@
-"""Actions with a whole node by SDO: its boot-up, its errors, and a dump of its objects."""
+"""Actions with a whole node: its boot-up, NMT state, errors, and a dump of its objects; and steps without a node."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
@@ -10,22 +11,32 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.actions.frames import Expect, Period
 from eurobot_od.check.actions.objects import whole_upload
-from eurobot_od.check.shapes import WITHIN, ActionRow, DocumentShapes
-from eurobot_od.check.suite import Mismatch, NodeServices, Reported
+from eurobot_od.check.shapes import DURATION, WITHIN, ActionRow, DocumentShapes, MakeRow
+from eurobot_od.check.suite import Group, Mismatch, NodeServices, Reported
 from eurobot_od.check.tester import BenchTester, Failed, Gone, Skipped
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import NoAnswer
+from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, ERROR_FIELD, ERROR_REGISTER, ERRORS
-from eurobot_od.od.values import DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, Address, PdoDirection, label
+from eurobot_od.od.values import (
+    ALL_NODES,
+    DOMAIN,
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    NOT_SCANNED,
+    Address,
+    PdoDirection,
+    label,
+)
 from eurobot_od.od.words import error_words
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support import texts, yaml_shapes
 from eurobot_od.support.texts import amount
-from eurobot_od.support.yaml_shapes import Key
+from eurobot_od.support.yaml_shapes import TEXT, Key
 
 BOOTED = bytes([NmtState.INITIALISING])
 """Data of a boot-up message (CiA 301, 7.3.2.2.2)."""
@@ -229,5 +240,81 @@ async def follows_from_own_error(tester: BenchTester, action: object) -> bool:
         return isinstance(error, NoAnswer)  # it has stayed in STOPPED
 
 
-ACTIONS = {"dump": Dump.row, "boot-up": BootUp.row, "errors": SelfReported.row}
+NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
+
+
+class Nmt(NamedTuple):
+    """Send an NMT command to a node; node-ID 0 is all nodes."""
+
+    command: NmtCommand
+    node_id: int
+
+    def __str__(self) -> str:
+        return f"NMT {self.command.name.lower().replace('_', ' ')}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Run the action; raises as `suite.StepAction.run`."""
+        tester.ask()
+        tester.started = self.node_id if self.command is NmtCommand.START else None
+        await tester.put(Frame(NMT_COB_ID, bytes([self.command, self.node_id])))
+
+    @staticmethod
+    def row(shapes: DocumentShapes) -> ActionRow:
+        """Return the row for the table of actions."""
+        command = Key(yaml_shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
+
+        def make(command: NmtCommand, given: Dictionary | None) -> Nmt:
+            # Other services need a node; NMT has the node-ID 0 for all of them (CiA 301, 7.2.8.2.1).
+            is_to_all = given is None and shapes.services.nodes != 1
+            return Nmt(command, ALL_NODES if is_to_all else shapes.services.dictionary(given).node_id)
+
+        return ActionRow(shapes.services.service("command", command, make))
+
+
+class Wait(NamedTuple):
+    """Wait for a time in s."""
+
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"wait {texts.text(self.seconds)}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Run the action; raises as `suite.StepAction.run`."""
+        await tester.trace.sleep(self.seconds)
+        tester.edge = len(tester.trace)
+
+    @staticmethod
+    def row(_: DocumentShapes) -> ActionRow:
+        """Return the row for the table of actions."""
+        return ActionRow(DURATION, Wait)
+
+
+class Skip(NamedTuple):
+    """Do nothing, for a reason that the report shows."""
+
+    reason: str
+
+    def __str__(self) -> str:
+        return f"skip: {self.reason}"
+
+    async def run(self, tester: BenchTester) -> None:
+        """Run the action; raises as `suite.StepAction.run`."""
+        raise Skipped(self.reason)
+
+    @staticmethod
+    def row(_: DocumentShapes) -> ActionRow:
+        """Return the row for the table of actions."""
+        return ActionRow(TEXT, lambda text: Skip(str(text)))
+
+
+ACTIONS: Mapping[str, MakeRow] = {
+    "dump": Dump.row,
+    "boot-up": BootUp.row,
+    "errors": SelfReported.row,
+    "nmt": Nmt.row,
+    "wait": Wait.row,
+    "skip": Skip.row,
+    "steps": lambda shapes: ActionRow(yaml_shapes.listing(shapes.step), Group),
+}
 """The actions of this module by key."""

@@ -18,11 +18,10 @@ from eurobot_od.client.program import load
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import ConfigurationError, LocalError, look_up
 from eurobot_od.lint.diff import place
-from eurobot_od.od.dcf import Dcf
+from eurobot_od.od.dcf import ChosenCobIds, Dcf, renumbered
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of
-from eurobot_od.od.renumbering import ChosenCobIds, renumbered
 from eurobot_od.od.values import label
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.texts import amount

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from eurobot_od.check.actions.flow import Nmt
+from eurobot_od.check.actions.nodes import Nmt
 from eurobot_od.check.actions.objects import SdoRead, SdoWrite
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.clauses import Tier

@@ -25,15 +25,14 @@ from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, Route, Source, TeamColour
-from eurobot_od.robot.nodes.core import flows, recovery
+from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.calls import LEAVING
 from eurobot_od.robot.nodes.core.distrust import Distrust
 from eurobot_od.robot.nodes.core.equipment import Lookout, Tasks
 from eurobot_od.robot.nodes.core.flows import GotoReport, Standstill
-from eurobot_od.robot.nodes.core.gotos import Gotos
+from eurobot_od.robot.nodes.core.gotos import Gotos, Orders
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
-from eurobot_od.robot.nodes.core.orders import Orders
 from eurobot_od.robot.nodes.core.positions import Positions
 from eurobot_od.robot.nodes.core.resumption import Resumption
 from eurobot_od.robot.nodes.core.settings import CoreSettings, Readiness
@@ -196,14 +195,14 @@ class Core(CoreSettings):
             self._resumption.end_recall()
             return self._startup.begin(configuration)
 
-    def recall(self) -> Call[recovery.Memory | None]:
+    def recall(self) -> Call[flows.Memory | None]:
         """Ask the drive what it remembers of a match; None if it was not configured since it booted, or has no SDO.
 
         A core that has begun again asks this before it configures anything. Raises NoAnswer.
         """
         with self.guard:
             self.check_present()
-            return self.begin(recovery.recall(self)).call
+            return self.begin(flows.recall(self)).call
 
     def recover(self) -> Call[messages.KalmanPositionResponse]:
         """Recover after an Emergency Shutdown, or after a restart of this core; return where the robot is.

@@ -7,7 +7,7 @@ from math import inf
 
 from eurobot_od.device.timers import START, Script, Timer
 from eurobot_od.errors import StateError
-from eurobot_od.robot.nodes.core import recovery
+from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.node import TIME_LEFT, milliseconds_until
@@ -65,4 +65,4 @@ class MatchClock:
     def _tell_time_left(self) -> Script[bool]:
         yield START
         left = milliseconds_until(self.end, self._core.now)
-        return (yield from recovery.tell_drive(self._core, TIME_LEFT, left, self._core.transmissions))
+        return (yield from flows.tell_drive(self._core, TIME_LEFT, left, self._core.transmissions))

@@ -14,8 +14,7 @@ from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.values import Source
-from eurobot_od.robot.nodes.core.distrust import Distrust
-from eurobot_od.robot.nodes.core.doubts import jumps
+from eurobot_od.robot.nodes.core.distrust import Distrust, jumps
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.settings import CoreSettings
 from eurobot_od.robot.nodes.core.stops import Stops

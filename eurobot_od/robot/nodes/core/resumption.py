@@ -10,7 +10,7 @@ from eurobot_od.device.timers import START, Call, Pause, Script
 from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
-from eurobot_od.robot.nodes.core import flows, recovery
+from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.match_clock import MatchClock
@@ -93,7 +93,7 @@ class Resumption:
         if here.x is None:
             yield from self._startup.configure(configuration)
         elif not core.readiness.configured:
-            yield from recovery.keep_place(core)
+            yield from flows.keep_place(core)
             yield from self._startup.configure(configuration)
         else:
             yield from flows.tell_others(core, configuration)
@@ -105,9 +105,9 @@ class Resumption:
         start = self._core.facts.start(configuration.team_colour)
         displacement = 0.0 if positions.has_jumped else float(self._core.displacement)
         try:
-            here = yield from recovery.find_place(self._core, there, start, displacement)
-        except recovery.PlaceLost:
-            self._core.readiness.lost = recovery.LOST_PLACE  # so that the next goto tries again
+            here = yield from flows.find_place(self._core, there, start, displacement)
+        except flows.PlaceLost:
+            self._core.readiness.lost = flows.LOST_PLACE  # so that the next goto tries again
             raise
         positions.is_astray = positions.has_jumped = False
         return here
@@ -118,7 +118,7 @@ class Resumption:
             yield from self._recall()
         configuration = self._core.configuration
         if configuration is None:
-            raise StateError(recovery.NOTHING_TO_GO_BACK_TO)
+            raise StateError(flows.NOTHING_TO_GO_BACK_TO)
         # Kept, although the configuration forgets it: the robot has not been moved to its start.
         there = self._positions.place
         yield from self._startup.configure_all(configuration, watched, in_place=True)
@@ -134,7 +134,7 @@ class Resumption:
 
     def _recall(self) -> Script[None]:
         """Restore what the drive remembers of the start and of the match; the next goto begins with a recovery."""
-        memory = yield from recovery.recall(self._core)
+        memory = yield from flows.recall(self._core)
         self.is_unanswered = False
         if memory is None:
             return

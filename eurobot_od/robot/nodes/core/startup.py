@@ -12,7 +12,7 @@ from eurobot_od.device.timers import START, Call, Script
 from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome
-from eurobot_od.robot.nodes.core import flows, recovery
+from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.distrust import Distrust
 from eurobot_od.robot.nodes.core.losses import Losses
@@ -68,10 +68,10 @@ class Startup:
         """
         try:
             if in_place:
-                yield from recovery.keep_place(self._core)
+                yield from flows.keep_place(self._core)
             elif self._losses.is_in_match or "drive" in self._core.readiness.checked:
                 # The caller has put the robot at its start place; in a match the drive would keep its own.
-                yield from recovery.tell_drive(self._core, KEEP_PLACE, KeepPlace.START_OVER, 1)
+                yield from flows.tell_drive(self._core, KEEP_PLACE, KeepPlace.START_OVER, 1)
             seconds = yield from self.configure(configuration)
         except BaseException:  # nothing has changed
             self._stops.configuration_failed(watched)

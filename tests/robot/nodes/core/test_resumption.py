@@ -20,8 +20,7 @@ from eurobot_od.robot.model.values import (
     Outcome,
     TeamColour,
 )
-from eurobot_od.robot.nodes.core.flows import NotStanding
-from eurobot_od.robot.nodes.core.recovery import PlaceLost
+from eurobot_od.robot.nodes.core.flows import NotStanding, PlaceLost
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.node import NO_MATCH, TIME_LEFT
 from tests.kit.bench import put

@@ -1,4 +1,4 @@
-"""Few places for connections that show no token, and none for those that say nothing."""
+"""Connections: few places for connections that show no token, and none for those that say nothing."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from eurobot_od.web.access import AccessRules
-from eurobot_od.web.connections import LONGEST_SILENCE, MOST_CONNECTIONS, MOST_UNKNOWN, Connections
+from eurobot_od.web.access import LONGEST_SILENCE, MOST_CONNECTIONS, MOST_UNKNOWN, AccessRules, Connections
 from tests.web.scene import LONG, serving
 
 TOKEN = "a-token-that-nobody-guesses"

@@ -22,8 +22,8 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Obstacle, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.nodes.core.doubts import GotoConfirms, jumps
-from eurobot_od.robot.nodes.core.recovery import PlaceLost
+from eurobot_od.robot.nodes.core.distrust import GotoConfirms, jumps
+from eurobot_od.robot.nodes.core.flows import PlaceLost
 from eurobot_od.robot.nodes.estimate import Estimate
 from tests.robot.nodes.driving import FAR, NEAR, drive_off, match_under_way
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Bench, Peer
