@@ -8,7 +8,6 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
-from tests.robot.nodes.core.test_distrust import ROOT, reports, with_stranger
 
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, NoAnswer, StateError
@@ -42,6 +41,7 @@ from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.node import DEVIATION, Detection
 from eurobot_od.sdo.client import download
+from tests.robot.nodes.core.test_distrust import ROOT, reports, with_stranger
 from tests.robot.nodes.driving import (
     BRAKED,
     CORE_ID,
