@@ -168,7 +168,8 @@ class _RowRun:
 
     def sent(self, now: float) -> None:
         """Note that the frame that was due is sent."""
-        written, self.left = self.row.written, self.left - 1
+        written = self.row.written
+        self.left = self.left - 1
         if self.left:
             self.due += written.gap or 0
         elif written.period is None:

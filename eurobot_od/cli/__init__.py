@@ -84,7 +84,8 @@ MODULES = {
     **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
     "new-device": "new_device",
-    **dict.fromkeys(("diff", "edit", "devices"), "lint"),
+    **dict.fromkeys(("diff", "edit"), "lint"),
+    "devices": "library",
     "faults": "node",
 }
 """Modules of commands, where the name differs."""

@@ -78,7 +78,8 @@ def diagnose(
     form = form_of(report) if report else ""  # raises for an unknown suffix before the log is read
     decoder = decoder_for(logs, reading, devices, names)
     diagnosis = Diagnosis(decoder, devices.watchers, bus.bitrate or BITRATE, devices.promised(decoder))
-    asking, began = _Asking(diagnosis) if ask else None, datetime.now(UTC).astimezone()
+    asking = _Asking(diagnosis) if ask else None
+    began = datetime.now(UTC).astimezone()
     if logs:
         _read(diagnosis, logs, reading)
     else:

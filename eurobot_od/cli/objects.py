@@ -36,7 +36,7 @@ from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, MOST_SUBS, NOT_VALID, 
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
 from eurobot_od.support.files import read_whole, write_whole
-from eurobot_od.support.progress import bar, passing
+from eurobot_od.support.progress import OBJECTS, SHORT, bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
 
 if TYPE_CHECKING:
@@ -137,14 +137,13 @@ def dump(
 
 
 def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_rate: int) -> ExitStatus:
-    present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
-    with passing(f"node {node.node_id}", configuring.parameters(present)) as things:
-        dcf, left_out = configuring.dcf_of_node(node, dictionary, bit_rate // 1000, output.stem, things)
-    write_dcf(output, dcf)
-    complain_of_process_data(configuring.process_data(present))
-    for thing, _, reason in left_out:
+    with bar(f"node {node.node_id}", unit=OBJECTS, after=SHORT) as draw:
+        found = configuring.dcf_of_node(node, dictionary, bit_rate // 1000, output.stem, draw)
+    write_dcf(output, found.dcf)
+    complain_of_process_data(found.process_data)
+    for thing, _, reason in found.left_out:
         complain(f"left out {od.label(thing)}: {reason}")
-    return ExitStatus.FOUND if left_out else ExitStatus.FINE
+    return ExitStatus.FOUND if found.left_out else ExitStatus.FINE
 
 
 def pdo(

@@ -126,7 +126,8 @@ def serve(
         raise LocalError(f"a page shows up to {MOST_LOGS} logs side by side, not {len(logs)}")
     folder = Path(logs[0]) if len(logs) == 1 and Path(logs[0]).is_dir() else None
     if folder:
-        logs, devices = (), replace(devices, network=str(workspace(folder)))
+        logs = ()
+        devices = replace(devices, network=str(workspace(folder)))
     if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
     rules = AccessRules.at(listen.host, origin, _token(token_file) if token_file else "")
@@ -260,7 +261,8 @@ class ServedPage:
     def _keep_bus(self, choice: BusChoice) -> None:
         """Write the bus into the workspace, if there is one."""
         if self.folder:
-            file, rate = self.folder / DEFAULT, choice.bit_rate and choice.bit_rate // 1000
+            file = self.folder / DEFAULT
+            rate = choice.bit_rate and choice.bit_rate // 1000
             text = network.with_bus(read_whole(file).decode("utf-8", "replace"), NetworkBus(*choice[:2], rate))
             write_whole(file, text.encode())
 

@@ -35,7 +35,7 @@ from eurobot_od.od.values import COB_ID, MAPPING_OFFSET, Address, Value, pdo_of
 from eurobot_od.od.words import written
 from eurobot_od.sdo.client import LONGEST_TEXT
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
-from eurobot_od.support.progress import Progress, unwatched
+from eurobot_od.support.progress import Progress, reporting, unwatched
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:
@@ -374,9 +374,8 @@ async def difference(
         raise errors.DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
     wanted = [each for each in settings(dictionary) if any(each[0].index in AREAS[one] for one in areas)]
     present = dict[Address, bytes | None]()
-    for number, (thing, _) in enumerate(wanted, start=1):
+    for thing, _ in reporting(wanted, progress):
         present[address_of(thing)] = await _present(node, dictionary, thing)
-        progress(number, len(wanted))
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
     check_limits(dictionary, (each.thing for each in changes))  # unchanged objects are not written
@@ -617,14 +616,7 @@ def differences(node: RemoteNode, dictionary: Dictionary, progress: Progress = u
     from eurobot_od.lint import diff, model  # a node is configured without
 
     device = model.load(dictionary.content, dictionary.file.name)
-    addresses = diff.readable(device)
-
-    def counted() -> Iterator[Address]:
-        for number, address in enumerate(addresses):
-            progress(number, len(addresses))
-            yield address
-
-    answers = read_bytes(node, counted())
+    answers = read_bytes(node, reporting(diff.readable(device), progress))
     return diff.compare_live(
         device, answers, node.node_id, dictionary.configured(pdo_numbers(answers)).parameters.process_data
     )
@@ -698,19 +690,32 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
         yield ObjectReading(thing, decode(thing, data))
 
 
-def dcf_of_node(
-    node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, stem: str, things: Iterable[ODVariable] | None = None
-) -> tuple[Dcf, list[ObjectReading]]:
-    """Return the DCF of a node as it is now, and the objects that were left out, with reasons.
+class DcfOfNode(NamedTuple):
+    """The DCF of a node; the parameters that are `left_out`, with reasons; and its process data."""
 
-    `things` are the objects to read, by default all `parameters`. Left out are those that the node refuses to give, or
-    gives with fewer bytes than their type has.
+    dcf: Dcf
+    left_out: list[ObjectReading]
+    process_data: list[ODVariable]
+
+
+def dcf_of_node(
+    node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, stem: str, progress: Progress = unwatched
+) -> DcfOfNode:
+    """Return the DCF of a node as it is now.
+
+    Left out are parameters that the node refuses to give, or gives with fewer bytes than their type has.
+
+    Args:
+        node: the node, which is read.
+        dictionary: its EDS.
+        baudrate_kbit: bit rate for the DCF, in kbit/s.
+        stem: beginning of the names of the files beside the DCF.
+        progress: called with the number of parameters that were read, and of all.
     """
     contents = dict[Address, bytes]()
     left_out = list[ObjectReading]()
-    if things is None:
-        things = parameters(dictionary.configured(pdo_parameters(node, dictionary)))
-    for thing in things:
+    present = dictionary.configured(pdo_parameters(node, dictionary))
+    for thing in reporting(list(parameters(present)), progress):
         try:
             data = read_object(node, thing)
         except errors.NodeRefused as error:
@@ -721,4 +726,5 @@ def dcf_of_node(
             left_out.append(ObjectReading(thing, refusal=what))
         else:
             contents[address_of(thing)] = data
-    return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out
+    dcf = with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem)
+    return DcfOfNode(dcf, left_out, process_data(present))

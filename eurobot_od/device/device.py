@@ -115,7 +115,10 @@ class Device:
         application: Application = NO_APPLICATION,
         lss: LssSlave | None = None,
     ) -> None:
-        self._file, self._catalogue, self._application, self._lss = dictionary, catalogue, application, lss
+        self._file = dictionary
+        self._catalogue = catalogue
+        self._application = application
+        self._lss = lss
         self.storage = Storage(dictionary, store, lss)
         self._nmt = nmt.NmtStates()
         self.plan = Plan()

@@ -211,7 +211,10 @@ class ErrorControl:
     """
 
     def __init__(self, objects: Objects, nmt_states: NmtStates, emergencies: Emergencies, node_id: int) -> None:
-        self._objects, self._nmt, self._emergencies, self._node_id = objects, nmt_states, emergencies, node_id
+        self._objects = objects
+        self._nmt = nmt_states
+        self._emergencies = emergencies
+        self._node_id = node_id
         self.own = ERROR_CONTROL_BASE + node_id
         self._consumer, self._guarding = HeartbeatConsumer(), NodeGuarding()
         self._next_heartbeat = inf

@@ -294,7 +294,11 @@ class LibraryDevices:
         nodes: Mapping[int, NodeFile] = MappingProxyType({}),
         worded: Callable[[Dictionary], Dictionary] = lambda device: device,
     ) -> None:
-        self._library, self._tell, self._implied, self._nodes, self._worded = library, tell, implied, nodes, worded
+        self._library = library
+        self._tell = tell
+        self._implied = implied
+        self._nodes = nodes
+        self._worded = worded
         self._told: set[int] = set()
         self._made: dict[tuple[int, Path], Dictionary | None] = {}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TextIO, TypeAlias, TypeVar
 
@@ -144,16 +144,16 @@ Thing = TypeVar("Thing")
 @contextmanager
 def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
     """Yield an iterator over `things` that draws a bar for `what` if the loop takes long."""
-    listed = list(things)
     with bar(what, unit=OBJECTS, after=SHORT) as draw:
-
-        def drawn() -> Iterator[Thing]:
-            for done, thing in enumerate(listed):
-                draw(done, len(listed))
-                yield thing
-
         # As a context manager, `passing` erases the bar before an error is printed.
-        yield drawn()
+        yield reporting(list(things), draw)
+
+
+def reporting(things: Collection[Thing], progress: Progress) -> Iterator[Thing]:
+    """Yield things, and report before each how many are done."""
+    for done, thing in enumerate(things):
+        progress(done, len(things))
+        yield thing
 
 
 def counted(

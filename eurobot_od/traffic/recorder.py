@@ -112,7 +112,10 @@ class Lines:
     """
 
     def __init__(self, file: Path, writer: Any, ends: bool, tell: Callable[[str], object]) -> None:
-        self._file, self._writer, self._ends, self._tell = file, writer, ends, tell
+        self._file = file
+        self._writer = writer
+        self._ends = ends
+        self._tell = tell
         self.failure: OSError | None = None
         self._lock, self._over = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._keep_on_disk, name="log", daemon=True)

@@ -90,12 +90,13 @@ class Desk:
         equipment: Equipment = NO_EQUIPMENT,
     ) -> None:
         self.equipment = equipment
-        self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
-        self.master, self.polling, self.orders = (
-            Master(session.tap),
-            Master(session.polls),
-            OrderMaster(session.orders),
-        )
+        self.session = session
+        self.folder = folder
+        self.control = control
+        self.stop_message = stop
+        self.master = Master(session.tap)
+        self.polling = Master(session.polls)
+        self.orders = OrderMaster(session.orders)
         dictionaries = session.decoder.dictionaries
         self.lists: dict[str, SentList] = {}
         """The lists that run, and those that have ended lately, by the keys that browsers have given them."""
@@ -201,7 +202,8 @@ class Desk:
     async def in_turn(self, axes: Sequence[AxisAddress], order: Callable[..., None]) -> None:
         """Carry out an order in its turn; one that comes too late, or that a stop has overtaken, is refused."""
         self.jobs.check_free()
-        ticket, asked = self.drives.ticket(*axes), self.session.now
+        ticket = self.drives.ticket(*axes)
+        asked = self.session.now
         async with self._one_order:
             if self.session.now - asked > STALE:
                 raise LocalError(f"other orders took {self.session.now - asked:.1f} s: not carried out")

@@ -281,7 +281,8 @@ class Columns:
         self.start = time if self.start is None else self.start
         now = time - self.start
         raw = meaning.raw
-        self._taken, self._end = self._taken + 1, max(self._end, now)
+        self._taken = self._taken + 1
+        self._end = max(self._end, now)
         number = number or self._taken
         row = self._rows.get(raw[0])
         if row is None:

@@ -70,7 +70,8 @@ class Requests:
         number: Any = None
         try:
             said = read_request(text)
-            number, name = said.get("id"), str(said.get("do"))
+            number = said.get("id")
+            name = str(said.get("do"))
             asked = look_up("request", name[:40], REQUESTS)
             if asked.acts and not self.desk.control:
                 raise LocalError("this page is read-only: start the server with --control")

@@ -69,7 +69,10 @@ class StartPage:
         try_bus: Callable[[BusChoice], None],
         last: BusChoice | None = None,
     ) -> None:
-        self.library, self.folder, self._may_act, self._try_bus = library, folder, may_act, try_bus
+        self.library = library
+        self.folder = folder
+        self._may_act = may_act
+        self._try_bus = try_bus
         self._last = last
         self.uploads: dict[object, dict[str, bytearray]] = defaultdict(dict)
         self.choice: Choice | None = None
@@ -140,7 +143,8 @@ def connect(start: StartPage, said: Arguments) -> None:
 
 def simulate(start: StartPage, said: Arguments) -> None:
     """Choose a simulated bus with devices of the library, numbered from 1 on unless said otherwise."""
-    wanted, known = said.get("devices"), {str(each.path): each for each in start.library.entries}
+    wanted = said.get("devices")
+    known = {str(each.path): each for each in start.library.entries}
     if not isinstance(wanted, list) or not 1 <= len(wanted) <= MOST_DEVICES:
         raise LocalError(f"choose 1 to {MOST_DEVICES} devices")
     chosen: dict[int, Path] = {}

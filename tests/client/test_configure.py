@@ -166,7 +166,7 @@ def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
     with line("lift") as channel, master_on(channel) as master:
         for address, data in WRITTEN.items():
             master.node(2).download(address, data)
-        made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
+        made, left_out, _ = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
     assert (left_out, made.files) == ([], {})
     assert dcf.missing(parse(made.content.decode())) == []
     file.write_bytes(made.content)
@@ -203,7 +203,7 @@ def test_a_value_beyond_its_limits_is_refused_only_where_it_would_be_new(
         device.objects.values = {LEVEL: value}
         nodes.append(wired(started(device)).node(5))
     file = tmp_path / "a.dcf"
-    file.write_bytes(dcf_of_node(nodes[0], dictionary, 500, "a")[0].content)
+    file.write_bytes(dcf_of_node(nodes[0], dictionary, 500, "a").dcf.content)
     try:
         said = "changed" if configure(nodes[1], Dictionary.load(file), datetime(2014, 5, 28)).changed else ""
     except EurobotError as error:
@@ -214,7 +214,7 @@ def test_a_value_beyond_its_limits_is_refused_only_where_it_would_be_new(
 def test_refused_objects_are_left_out_and_reported() -> None:
     with stock_lift() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
-        made, left_out = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
+        made, left_out, _ = dcf_of_node(master.node(2), DRIVE_FILE, 500, "lift")
     assert {address_of(each.thing)[0] for each in left_out} == {0x2101}
     assert {each.refusal for each in left_out} == {"Object does not exist"}
     assert b"ParameterValue=1000" in made.content
@@ -251,7 +251,7 @@ def test_a_drive_is_cloned_to_the_byte_whatever_of_it_can_be_mapped(tmp_path: Pa
         for address, value in SETTINGS.items():
             first[5][address].value = value
         first[5][0x6040].value = 0
-        dcf, left_out = dcf_of_node(first[5]._node, dictionary, 500, "clone")
+        dcf, left_out, _ = dcf_of_node(first[5]._node, dictionary, 500, "clone")
         made.write_bytes(dcf.content)
         wanted = [each.value for each in read_all(first[5]._node, parameters(dictionary))]
     assert left_out == []

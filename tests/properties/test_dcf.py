@@ -71,7 +71,7 @@ def test_a_device_s_dcf_makes_another_like_it(each: tuple[bytes, ...], comment: 
         one, other = (wired(started(Device(dictionary))).node(NODE_ID) for _ in range(2))
         for address, data in wanted.items():
             one.download(address, data)
-        made, left_out = dcf_of_node(one, dictionary, 500, "any")
+        made, left_out, _ = dcf_of_node(one, dictionary, 500, "any")
         assert left_out == []
         for name, content in {**made.files, "any.dcf": made.content}.items():
             (Path(folder) / name).write_bytes(content)

@@ -92,7 +92,9 @@ class Live:
         clock: Callable[[], float] = time.perf_counter,
         opener: Opener | None = None,
     ) -> None:
-        self.controller, self.station, self.clock = controller, station, clock
+        self.controller = controller
+        self.station = station
+        self.clock = clock
         self.name = str(bus.channel_info)
         self.foreign = self.missed = 0
         self._failure: BusError | None = None

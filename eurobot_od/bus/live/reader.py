@@ -139,7 +139,10 @@ class Reader:
         lasts: Callable[[int], bool] = lambda _: False,
         idle: Callable[[], object] = lambda: None,
     ) -> None:
-        self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
+        self._connection = connection
+        self._receive = receive
+        self._clock = clock
+        self._foreign = foreign
         self._idle = idle
         self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
         self._lasts = lasts

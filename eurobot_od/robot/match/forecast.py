@@ -58,8 +58,10 @@ class Course:
         If it cannot have driven there, the place before was a wrong one, and the track begins anew.
         """
         if not self.track or not seen.agrees(Seen(self.track[-1], self._time)):
-            self.track, self._time = [seen.point], seen.time
-        (x, y), steps = self.track[-1], round((seen.time - self._time) / STEP)
+            self.track = [seen.point]
+            self._time = seen.time
+        (x, y) = self.track[-1]
+        steps = round((seen.time - self._time) / STEP)
         if steps > 0:
             dx, dy = (seen.point.x - x) / steps, (seen.point.y - y) / steps
             self.track += [Point(x + dx * step, y + dy * step) for step in range(1, steps + 1)]
@@ -80,7 +82,8 @@ class Course:
         return (Point(x + dx * step, y + dy * step) for step in range(1, HORIZON + 1))
 
     def _trend(self, place: int) -> Point:
-        (x, y), before = self.track[place], self.track[max(place - TREND, -len(self.track))]
+        (x, y) = self.track[place]
+        before = self.track[max(place - TREND, -len(self.track))]
         return Point((x - before.x) / TREND, (y - before.y) / TREND)
 
     def _is_same_way(self, place: int) -> bool:
@@ -110,7 +113,8 @@ class Fires:
     """Where the fires may be; `pushed` are those that have been pushed, `version` counts up when one has moved."""
 
     def __init__(self, facts: Facts) -> None:
-        self._field, self._chance = facts.field, random.Random(1)
+        self._field = facts.field
+        self._chance = random.Random(1)
         self._guesses = {each: [each.point] * GUESSES for each in facts.barriers if each.kind.pushed}
         self._planned = dict(self._guesses)
         self._robots: dict[Source, list[Point]] = {}
@@ -225,7 +229,8 @@ def _meets(poses: Sequence[Pose], others: Sequence[Point], radii: float, share: 
     last = math.inf
     for step, (pose, other) in enumerate(zip(poses, others)):
         apart = pose.distance(other)
-        comes_nearer, last = apart < last - 1.0, apart
+        comes_nearer = apart < last - 1.0
+        last = apart
         if not step or not comes_nearer or poses[step - 1].distance(pose.point) < 2.0:
             continue  # who goes away, or stands, meets nobody
         half = math.degrees(math.asin(min(radii / 2 / max(apart, 1.0), 1.0)))

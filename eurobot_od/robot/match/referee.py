@@ -49,7 +49,9 @@ class Observer:
 
     def __init__(self, core: Core, timeline: Timeline, truth: Callable[[], Pose]) -> None:
         self.errors: list[float] = []
-        self._core, self._timeline, self._truth = core, timeline, truth
+        self._core = core
+        self._timeline = timeline
+        self._truth = truth
         core.observe = self._began
         core.told.append(partial(timeline.tell, EventKind.SAID))
 
@@ -80,7 +82,8 @@ class Observer:
 
     def _away_from(self, task: str) -> str:
         """Return a phrase with a task's place if the robot is too far from it to do it; empty if it is there."""
-        start, here = self._core.configuration, self._truth()
+        start = self._core.configuration
+        here = self._truth()
         there = self._core.facts.tasks(start.team_colour)[task].pose if start else here
         # Of an unknown place, which has NaN, nothing is said.
         if here.distance(there.point) > REACH or abs(turn(here.angle, there.angle)) > REACH_ANGLE:
@@ -110,7 +113,9 @@ class Observer:
     def _tell_arrival(self, report: GotoReport) -> None:
         # Where it believes it is, not where it was sent: the distance from the truth is then the filter's error alone.
         place = self._core.positions[KalmanPositionResponse].position
-        truth, goto, seconds = self._truth(), report.goto, report.ended
+        truth = self._truth()
+        goto = report.goto
+        seconds = report.ended
         error = truth.distance(Point(place.x or 0, place.y or 0))
         self.errors.append(error)
         off = {"error": round(error, 1), "distance": round(truth.distance(Point(goto.x, goto.y)), 1)}
@@ -175,7 +180,8 @@ def _last_lines(error: BaseException) -> str:
 
 def in_one_line(failure: str) -> str:
     """Return how a match failed: the given words, or the exception and the last place of its traceback."""
-    places, after = PLACE.findall(failure), failure.rpartition("\n    ")[2].splitlines()
+    places = PLACE.findall(failure)
+    after = failure.rpartition("\n    ")[2].splitlines()
     end = " ".join(after[bool(places) :])  # without the line of the program that stands there
     told = end if end.startswith("the ") else f"the strategy raised {end}"
     return told + (" ({}:{})".format(*places[-1]) if places else "")
@@ -278,7 +284,11 @@ class Referee:
     """
 
     def __init__(self, core: Core, options: MatchOptions, timeline: Timeline, truth: Callable[[], Pose]) -> None:
-        self.core, self.options, self.timeline, self.clock, self._truth = core, options, timeline, timeline.clock, truth
+        self.core = core
+        self.options = options
+        self.timeline = timeline
+        self.clock = timeline.clock
+        self._truth = truth
         self.failure: str | None = None
         self._duration = options.duration or float(core.match_duration)
         if options.emergency_at is not None and options.emergency_at >= self._duration:
@@ -347,7 +357,8 @@ class Referee:
         mushroom = inf if self.options.emergency_at is None else start + self.options.emergency_at
         self.timeline.tell(EventKind.MATCH, f"begins, {self._duration:g} s long", duration=self._duration)
         self.core.start_match(self._duration)
-        loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
+        loop = asyncio.get_running_loop()
+        playing = asyncio.ensure_future(_played(strategy, self.core))
         here = get_ident()
 
         def end() -> None:
@@ -362,7 +373,8 @@ class Referee:
                 left = min(mushroom, self._end) - self.clock()
                 await asyncio.sleep(min(max(left, MOMENT), LOOKS))
                 if self.clock() >= mushroom:
-                    mushroom, self._over = inf, True
+                    mushroom = inf
+                    self._over = True
                     self.core.emergency_shutdown()
                     self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
                 await self._look_at(playing)
@@ -382,7 +394,8 @@ class Referee:
 
     async def _give_up(self, failure: str) -> None:
         """End the match because of a failure, told in words or as the end of a traceback."""
-        self._over, self.failure = True, failure
+        self._over = True
+        self.failure = failure
         self.timeline.tell(EventKind.FAILED, in_one_line(failure))
         try:
             await self.core.stop()
@@ -407,7 +420,8 @@ class Referee:
         # A strategy that failed was already stopped and seen to stand, and nothing else will follow.
         settled, left = (SEEN_TO_STAND, 0.0) if self.failure else (SETTLED, self._end + LOOKS - self.clock())
         await asyncio.sleep(settled)
-        told, rest = self.core.match_over or bool(self.failure), self._truth()
+        told = self.core.match_over or bool(self.failure)
+        rest = self._truth()
         await asyncio.sleep(max(left - settled, 0.0))
         if not told:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")

@@ -130,7 +130,9 @@ class Prefixed(io.TextIOBase):
     """Writes each line with something before it."""
 
     def __init__(self, stream: TextIO, prefix: str) -> None:
-        self._stream, self._prefix, self._begins = stream, prefix, True
+        self._stream = stream
+        self._prefix = prefix
+        self._begins = True
 
     def write(self, text: str) -> int:
         """Write a part of a text."""
@@ -153,7 +155,9 @@ def play(
     `traffic.recorder.recording`.
     """
     events: list[MatchEvent] = []
-    summary, failure, driven = None, None, 0.0
+    summary = None
+    failure = None
+    driven = 0.0
     printed = Prefixed(sys.stderr, f"seed {options.seed}: ")
     told: list[str] = []
 

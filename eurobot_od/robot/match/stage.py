@@ -122,7 +122,8 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
 
     Raises UnknownName for an unknown fault, node or object, LocalError for a value that is not allowed.
     """
-    robot, found = Plugins(loading.find(options.robot)), stores(options.of_nodes, files.dictionaries)
+    robot = Plugins(loading.find(options.robot))
+    found = stores(options.of_nodes, files.dictionaries)
     names = dict.fromkeys((*BOOT_TIMES, *files.dictionaries))
     kinds = {each: robot.kind(files.dictionaries[each], options.faults) for each in names}
     nodes = [make(kind, files.dictionaries[each], found[each], world.facts) for each, kind in kinds.items()]
@@ -149,10 +150,13 @@ class Performance:
         watch: Watcher = _nobody,
         name: str = OURS,
     ) -> None:
-        self._dialect, self.name, self._world = files.dialect, name, world
+        self._dialect = files.dialect
+        self.name = name
+        self._world = world
         self._whose = f"{files.robot}: " if files.robot else ""
         core, self.nodes = cast_for(options, files, world, name)
-        self._counter, self._timeline = FrameCounter(files.protocol), Timeline(world.clock, show)
+        self._counter = FrameCounter(files.protocol)
+        self._timeline = Timeline(world.clock, show)
         self._observer = Observer(core, self._timeline, self._truth)
         self.referee = Referee(core, options, self._timeline, self._truth)
         self._watch = watch
@@ -332,7 +336,8 @@ def play_led(
     `counter` counts the frames. An arrival for which the world did not answer has no position error. Raises BusError,
     NoAnswer.
     """
-    begin, points = live.clock(), dict[str, int]()
+    begin = live.clock()
+    points = dict[str, int]()
 
     def truth() -> Pose:
         try:
@@ -343,10 +348,12 @@ def play_led(
         return seen.pose
 
     timeline = Timeline(lambda: live.clock() - begin, show)
-    observer, referee = Observer(core, timeline, truth), Referee(core, options, timeline, truth)
+    observer = Observer(core, timeline, truth)
+    referee = Referee(core, options, timeline, truth)
     run(_as_long_as_it_runs(live, referee.play(strategy)))
     truth()  # the points at the end, unless the world has gone
-    summary, errors = counter.summary(timeline.clock(), runtime.BITRATE), [x for x in observer.errors if not isnan(x)]
+    summary = counter.summary(timeline.clock(), runtime.BITRATE)
+    errors = [x for x in observer.errors if not isnan(x)]
     return replace(summary, errors=errors, points=points, failure=referee.failure)
 
 

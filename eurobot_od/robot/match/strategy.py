@@ -62,7 +62,8 @@ class Strategy:
         radii = {**enemies, Source.CONFEDERATE: self.facts.others[Source.CONFEDERATE].radius}
         self.others = [each for each in messages.POSITIONS if each.source in radii and start.includes(each.source)]
         self.forecast = Forecast(self.facts, {each.source: radii[each.source] for each in self.others})
-        self.fruit, self.moved = 0, core.now
+        self.fruit = 0
+        self.moved = core.now
         self.ways: dict[tuple[int, Pose, tuple[Point, ...], str], list[tuple[tuple[Point, ...], list[Pose]]]] = {}
         for each in self.others:
             core.on(each.response, partial(self.look, each.source))
@@ -101,7 +102,8 @@ class Strategy:
 
         Fires are where `least` guesses or more have them.
         """
-        here, reach = self.here.point, self.facts.body.radius + margin
+        here = self.here.point
+        reach = self.facts.body.radius + margin
         fixed = (each for each in self.facts.barriers if not each.kind.pushed)
         pools = (Disc(each.point, reach + each.kind.radius, math.inf) for each in fixed)
         closed = (*pools, *self.forecast.fires.discs(reach, least), *others)
@@ -112,7 +114,8 @@ class Strategy:
 
     def flags(self, end: Point) -> Barriers:
         """Return what the drive keeps off as well: all that stands where it was, and that we do not pass closely."""
-        reach, kept = self.facts.body.radius + WIDE, []
+        reach = self.facts.body.radius + WIDE
+        kept = []
         for each in self.facts.barriers:
             disc = Disc(each.point, reach + each.kind.radius, math.inf)
             if each not in self.forecast.fires.pushed and not disc.meets(self.here.point, end):
@@ -121,7 +124,8 @@ class Strategy:
 
     def rehearse(self, way: Sequence[Point], angle: float) -> list[Pose]:
         """Return where we will be on a way, step by step."""
-        motion, poses = Motion(LIMITS, way, angle, SPEED), [self.here]
+        motion = Motion(LIMITS, way, angle, SPEED)
+        poses = [self.here]
         while not motion.arrived and len(poses) < 300:
             command = motion.step(poses[-1], STEP)
             poses.append(poses[-1].moved(command.speed * STEP, command.turn * STEP))
@@ -174,7 +178,8 @@ class Strategy:
     async def drive(self, way: Sequence[Point], angle: float) -> bool:
         """Drive a way, and look ahead at each way point; return whether we arrived."""
         for number, point in enumerate(way):
-            rest, begun = way[number + 1 :], self.core.now
+            rest = way[number + 1 :]
+            begun = self.core.now
             while number and not self.is_free(self.rehearse(way[number:], angle)):
                 if self.core.now - begun > STAYS:
                     return False

@@ -52,10 +52,12 @@ class Summary:
         counts = self.frames | self.others
         lines = [f"{'message':<32} {'frames':>7}"]
         lines += [f"{name:<32} {count:>7}" for name, count in (counts | {"total": sum(counts.values())}).items()]
-        sent, known = self.messages_sent, len(self.frames)
+        sent = self.messages_sent
+        known = len(self.frames)
         lines += ["", f"{sent} of {known} messages in {self.seconds:.1f} s, bus load {self.load:.2%}"]
         if self.errors:
-            reached, mean = len(self.errors), sum(self.errors) / len(self.errors)
+            reached = len(self.errors)
+            mean = sum(self.errors) / len(self.errors)
             places = f"{reached} place{'' if reached == 1 else 's'} reached"
             lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
         if self.points:

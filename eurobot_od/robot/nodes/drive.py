@@ -255,7 +255,9 @@ class Drive(FollowingNode):
         """
         # The core repeats a stop with a Stop Drive, which must not replace the reason of an Emergency Stop.
         again = self.goto is None and self.stopped_by is not None and isinstance(stop, messages.StopDrive)
-        self.goto, self.fault, self.stopped_by = None, None, self.stopped_by if again else stop
+        self.goto = None
+        self.fault = None
+        self.stopped_by = self.stopped_by if again else stop
         self._forget_obstruction()
         self._brake()
 

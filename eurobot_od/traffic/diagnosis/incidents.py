@@ -313,7 +313,10 @@ class ObservedBus:
         at: Callable[[], tuple[float, str, int]],
         report: Callable[..., Occurrences],
     ) -> None:
-        self.channel, self.files, self.decoder, self.report = channel, decoder, decoder, report
+        self.channel = channel
+        self.files = decoder
+        self.decoder = decoder
+        self.report = report
         self._place = at
         self.frame: Raw | None = None
         self.began = self.now = 0.0

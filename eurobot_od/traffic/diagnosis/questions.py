@@ -116,7 +116,10 @@ class OpenQuestion:
     """A question to a node on its SDO channel: its transfer, and its requests not yet seen on the bus."""
 
     def __init__(self, node: ObservedNode, objects: Objects, address: Address, request: int, time: float) -> None:
-        self.node, self.objects, self.address, self.request = node, objects, address, request
+        self.node = node
+        self.objects = objects
+        self.address = address
+        self.request = request
         self.transfer = sdo.upload(address, ANSWER_WAIT)
         self.unseen: list[bytes] = []
         self.add(self.transfer.start(time))
@@ -200,7 +203,9 @@ class Questions:
         """Process the end of a question, if it is done."""
         if not question.transfer.done:
             return
-        self._open, content, is_silent = None, None, False
+        self._open = None
+        content = None
+        is_silent = False
         try:
             content = question.transfer.result()
             text = answer_words(question.address, content, self._bus.decoder.errors.of(question.node.node_id))

@@ -49,7 +49,9 @@ def suites_here(desk: Desk, _: Arguments) -> list[str]:
 def suite_of_recording(desk: Desk, said: Arguments) -> str:
     """Make the last recording, or a part of it, a suite of a node, as `export suite` does; return its file's name."""
     log = desk.session.recording.finished
-    node, begin, end = text_of(said, "node"), said.get("from") or 0.0, said.get("to") or inf
+    node = text_of(said, "node")
+    begin = said.get("from") or 0.0
+    end = said.get("to") or inf
     if not isinstance(begin, int | float) or not isinstance(end, int | float) or not 0 <= begin < end:
         raise LocalError("from and to are times in s, the first one before the second")
     with log.open("rb") as file:
@@ -116,13 +118,18 @@ class _Check:
     def __init__(
         self, desk: Desk, device: Dictionary, made: MadeSuites | None, suites: Sequence[Suite], steps: Sequence[str]
     ) -> None:
-        self._desk, self._device, self._made, self._suites, self._steps = desk, device, made, suites, steps
+        self._desk = desk
+        self._device = device
+        self._made = made
+        self._suites = suites
+        self._steps = steps
         self._total = sum(1 for suite in suites for each in suite.steps for _ in single_steps(each, each.name))
         self._done = 0
 
     def run(self, job: Job) -> dict[str, Any]:
         """Run the suites; returns the summary, the reports, and how the run differs from the last one."""
-        self._job, interrupt = job, Interrupt()
+        self._job = job
+        interrupt = Interrupt()
         job.at_end = interrupt.request
         how = OnBus(job.open, self._made is not None, self._steps)
         results = [*results_of(how, self._suites, [1], interrupt, self)]
@@ -150,7 +157,8 @@ class _Check:
     def _kept(self, results: Sequence[SuiteResult]) -> dict[str, Any]:
         """Write the reports, and return their names, and what has changed since the last run of the same suites."""
         what = "suites" if self._made is None else f"cia{self._made.profile or 301}"
-        stem, now = f"{self._device.name}-{what}", datetime.datetime.now()
+        stem = f"{self._device.name}-{what}"
+        now = datetime.datetime.now()
         data = report.as_data(results)
         before = sorted(self._desk.reports.glob(f"{stem}-*.json"))
         changes = compared(json.loads(before[-1].read_text("utf-8")), data) if before else []

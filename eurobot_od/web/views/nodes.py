@@ -44,7 +44,8 @@ def _file_of(desk: Desk, found: Found) -> dict[str, Any]:
 
 def errors(desk: Desk, said: Arguments) -> dict[str, Any]:
     """Read the errors that a node remembers, newest first, as `emcy` prints them."""
-    node, words_of = desk.node(said), desk.session.decoder.errors.of
+    node = desk.node(said)
+    words_of = desk.session.decoder.errors.of
     found = read_history(node)
     return {"register": found.register, "lines": list(found.lines(node.node_id, words_of(node.node_id)))}
 

@@ -176,7 +176,9 @@ def _text(said: Arguments) -> str:
 
 async def begin_list(desk: Desk, said: Arguments) -> None:
     """Send the rows of a list together, until they are over, or somebody ends it."""
-    key, title, protocol = text_of(said, "key"), text_of(said, "title"), desk.session.decoder.protocol
+    key = text_of(said, "key")
+    title = text_of(said, "title")
+    protocol = desk.session.decoder.protocol
     rows = read_list(_text(said), title, protocol)
     if key in desk.lists and not desk.lists[key].ended:
         raise LocalError(f"{title} is being sent already: end it first")

@@ -96,19 +96,12 @@ def _save(desk: Desk, job: Job, master: Master, target: SetNode) -> dict[str, An
 
 def _dcf(desk: Desk, job: Job, master: Master, target: SetNode, stem: str) -> Dcf:
     """Read the settings of a node; what it refuses to give is a row."""
-    node, device = master.node(target.node_id), target.device
-    things = list(configure.parameters(device.configured(configure.pdo_parameters(node, device))))
-
-    def counted() -> Iterator[Any]:
-        for number, thing in enumerate(things, start=1):
-            job.progress(number, len(things))
-            yield thing
-
-    dcf, left_out = configure.dcf_of_node(node, device, desk.session.bitrate // 1000, stem, counted())
-    for each in left_out:
+    kbit = desk.session.bitrate // 1000
+    made = configure.dcf_of_node(master.node(target.node_id), target.device, kbit, stem, job.progress)
+    for each in made.left_out:
         where = {"object": label(address_of(each.thing)), "name": each.thing.qualname}
         job.row(where | {"before": "left out", "after": each.refusal})
-    return dcf
+    return made.dcf
 
 
 @contextmanager
@@ -149,7 +142,8 @@ def _preview(desk: Desk, said: Arguments, job: Job, master: Master, target: SetN
 
 def begin_applying(desk: Desk, said: Arguments) -> int:
     """Write what the last preview has shown, as `configure` does; a node that has changed since is left alone."""
-    target, shown = _target(desk, said), desk.previewed
+    target = _target(desk, said)
+    shown = desk.previewed
     if shown is None or shown.dictionary.node_id != target.node_id or not shown.changes:
         raise LocalError("compare first: what is written is what the comparison has shown")
     reasons = (desk.guard.of_object(target.node_id, address_of(each.thing)) for each in shown.changes)
@@ -200,7 +194,8 @@ def _restore(_: Job, master: Master, target: SetNode) -> dict[str, Any]:
 
 def begin_program(desk: Desk, said: Arguments) -> int:
     """Download a program into a node, as `program` does."""
-    target, number = _target(desk, said), whole_of(said, "number")
+    target = _target(desk, said)
+    number = whole_of(said, "number")
     name, content = sent_file(desk, said)
     if not content:
         raise LocalError(f"{name}: the file is empty")

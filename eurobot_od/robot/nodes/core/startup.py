@@ -78,7 +78,9 @@ class Startup:
             raise
         # A caller who configures the start has put the robot at its start place, wherever it was seen before.
         positions = self._positions
-        positions.place, positions.is_astray, positions.has_jumped = None, False, in_place and positions.has_jumped
+        positions.place = None
+        positions.is_astray = False
+        positions.has_jumped = in_place and positions.has_jumped
         return seconds
 
     def configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
