@@ -152,7 +152,7 @@ class Keys:
         self._page.call("Input.dispatchKeyEvent", type="keyUp", key="Enter", code="Enter", windowsVirtualKeyCode=13)
 
 
-def test_by_the_keyboard_alone(scene: tuple[Page, Bench]) -> None:
+def test_every_view_is_reached_by_the_keyboard_alone(scene: tuple[Page, Bench]) -> None:
     """Find a message, plot it, read an object, write it, STOP."""
     page, served = scene
     served.ask(do="nmt", command="start", node="servo")

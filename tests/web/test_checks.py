@@ -54,7 +54,7 @@ def test_a_run_by_cia_301_gives_its_steps_and_keeps_the_reports(tmp_path: Path) 
     assert {each.name for each in (tmp_path / "reports").iterdir()} == set(job["result"]["files"])
 
 
-def test_what_writes_is_asked_about_first(tmp_path: Path) -> None:
+def test_a_run_that_writes_needs_confirmation(tmp_path: Path) -> None:
     words = {"id": 1, "do": "check", "node": "motor", "suites": "CiA 301", "tier": "reversible"}
     with motor(tmp_path) as served:
         said = talk(served, lambda opened: answer(opened, json.dumps(words)))
@@ -69,7 +69,7 @@ def test_what_writes_is_asked_about_first(tmp_path: Path) -> None:
     ],
     ids=["motion", "outputs"],
 )
-def test_what_moves_a_motor_or_switches_outputs_is_asked_about(
+def test_a_run_that_moves_a_motor_or_switches_outputs_needs_confirmation(
     tmp_path: Path, file: Path, words: dict[str, Any], reason: str
 ) -> None:
     known = {"do": "check", "node": "motor", "tier": "reading"}
@@ -101,7 +101,7 @@ def test_a_suite_of_the_folder_is_red_with_its_frames_and_compared_with_the_run_
     assert (change["before"], change["after"]) == ("ok", "failed")
 
 
-def test_what_was_recorded_becomes_a_suite(tmp_path: Path) -> None:
+def test_a_recording_becomes_a_suite(tmp_path: Path) -> None:
     async def recorded(opened: Any) -> str:
         for words in ({"do": "record"}, {"do": "read", "node": "motor", "object": "0x1000"}, {"do": "stop recording"}):
             assert "ok" in await answer(opened, json.dumps({"id": 1, **words}))

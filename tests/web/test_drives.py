@@ -101,7 +101,7 @@ def open_drives(page: Page, served: Served) -> None:
 NOW = "document.querySelector('.machine .now text').textContent"
 
 
-def test_only_what_says_so_is_a_drive() -> None:
+def test_only_a_device_with_the_profile_402_is_a_drive() -> None:
     assert [each.number for each in axes_of(SERVO)] == [1]
     assert axes_of(Dictionary.load(plant.FILES.folder() / "lift.eds", 2)) == []
 
@@ -413,7 +413,7 @@ def sent_raw(scene: Jogged, who: object = None) -> None:
         lambda drives: drives.stop(AXIS),
     ],
 )
-def test_what_was_sent_raw_ends_at_rest(end: Callable[[Drives], object]) -> None:
+def test_a_motion_by_raw_frames_is_ended_at_rest(end: Callable[[Drives], object]) -> None:
     with jogging() as scene:
         sent_raw(scene, "page")
         assert scene.drives.is_raw([AXIS], "page")
@@ -435,7 +435,7 @@ def test_the_drive_stands_when_what_was_sent_raw_is_left_by_a_program_that_is_ki
     assert abs(jogged.velocity) < 0.001
 
 
-def test_what_was_sent_raw_ends_once_its_page_is_silent(jogged: Jogged) -> None:
+def test_a_motion_by_raw_frames_ends_once_its_page_is_silent(jogged: Jogged) -> None:
     """A page that was frozen, or the network to it cut, left the drive turning for up to 30 s."""
     sent_raw(jogged, "page")
     for _ in range(8):
@@ -446,14 +446,14 @@ def test_what_was_sent_raw_ends_once_its_page_is_silent(jogged: Jogged) -> None:
     assert abs(jogged.velocity) < 0.001
 
 
-def test_what_is_sent_raw_does_not_outlive_the_hold_of_a_jog(jogged: Jogged) -> None:
+def test_a_motion_by_raw_frames_ends_with_the_jog(jogged: Jogged) -> None:
     jogged.drives.jog(AXIS, 500, who="page")
     jogged.drives.send_raw([AXIS], lambda: None, "another page")
     jogged.pass_time(HELD + 0.5)
     assert abs(jogged.velocity) < 0.001
 
 
-def test_what_is_sent_raw_is_void_once_it_is_stopped(jogged: Jogged) -> None:
+def test_raw_frames_queued_before_a_stop_are_not_sent(jogged: Jogged) -> None:
     ticket, sent = jogged.drives.ticket(AXIS), list[bool]()
     jogged.drives.stop(AXIS)
     with pytest.raises(LocalError, match="it was stopped meanwhile"):
@@ -517,7 +517,7 @@ def test_a_list_ends_at_rest(tmp_path: Path, end: dict[str, Any] | None) -> None
         until(lambda: scene.drive.device.objects.kept((0x60FF, 0)) == 0)
 
 
-def test_what_a_page_has_sent_ends_with_it(tmp_path: Path) -> None:
+def test_a_motion_ends_when_its_page_is_closed(tmp_path: Path) -> None:
     with bench(tmp_path) as scene:
         talk(scene.served, lambda opened: turned_by(opened, scene, do="send frame", frame=JOGS))
         until(lambda: abs(scene.velocity) < 0.001)
@@ -600,7 +600,7 @@ def test_the_drive_stands_when_the_program_is_killed(jogged: Jogged) -> None:
     assert abs(jogged.velocity) < 0.001
 
 
-def test_what_makes_the_drive_watch_us_is_put_back(jogged: Jogged) -> None:
+def test_the_heartbeat_consumer_of_a_drive_is_restored(jogged: Jogged) -> None:
     drive, before = jogged.network[5], (0, 1)
     jogged.drives.jog(AXIS, 100)
     assert (drive[0x1016, 1].value >> 16, drive[0x6007].value) == (127, 3)
@@ -647,7 +647,7 @@ def test_a_drive_that_cannot_watch_us_has_to_be_accepted_once(tmp_path: Path) ->
     ],
     ids=["RPDO", "SDO request", "list", "write"],
 )
-def test_what_is_sent_raw_to_a_drive_that_cannot_watch_us_is_confirmed_once_more(
+def test_raw_frames_to_a_drive_without_heartbeat_consumer_need_a_second_confirmation(
     tmp_path: Path, order: dict[str, Any]
 ) -> None:
     with bench(tmp_path, dictionary=blind_drive(tmp_path)) as scene:
@@ -661,7 +661,7 @@ def test_what_is_sent_raw_to_a_drive_that_cannot_watch_us_is_confirmed_once_more
         assert "asks" not in scene.ask(**order, sure=True), "once is enough"
 
 
-def test_what_is_sent_raw_to_a_drive_that_does_not_answer_is_confirmed_once_more() -> None:
+def test_raw_frames_to_a_drive_that_does_not_answer_need_a_second_confirmation() -> None:
     with jogging() as scene:
         scene.network[5].nmt.state = "STOPPED"
         with pytest.raises(MayMove, match=GOES_ON) as question:
@@ -746,14 +746,14 @@ def test_a_fault_is_shown_and_reset(tmp_path: Path, window: Page) -> None:
         ),
     ],
 )
-def test_what_is_asked_wrongly_of_a_drive(tmp_path: Path, words: dict[str, Any], error: str) -> None:
+def test_wrong_orders_of_a_drive_are_refused(tmp_path: Path, words: dict[str, Any], error: str) -> None:
     with bench(tmp_path) as scene:
         assert scene.ask(**words)["error"].startswith(error)
         assert scene.state is State.DISABLED
 
 
 @pytest.mark.parametrize("do", ["drive", "jog", "hold"])
-def test_without_control_a_drive_is_looked_at_only(tmp_path: Path, window: Page, do: str) -> None:
+def test_without_control_a_drive_is_read_only(tmp_path: Path, window: Page, do: str) -> None:
     with bench(tmp_path, control=False) as scene:
         said = scene.ask(do=do, node="servo", axis=1, command="enable", velocity=5)
         assert said["error"] == "this page is read-only: start the server with --control"
@@ -775,7 +775,7 @@ def nmt_of(scene: Jogged, seconds: float) -> list[bytes]:
     return sent
 
 
-def test_stop_means_every_node_that_was_heard(jogged: Jogged) -> None:
+def test_stop_reaches_every_node_that_was_heard(jogged: Jogged) -> None:
     jogged.drives.jog(AXIS, 1000)
     jogged.drives.hear(Frame(0x709, b"\5"))
     jogged.drives.hear(Frame(0x18A, b"\5"))  # a TPDO of node 10, by its COB-ID

@@ -80,7 +80,7 @@ def test_objects_pdos_and_findings_are_data() -> None:
     ]
 
 
-def test_a_finding_of_no_object_is_the_file_s() -> None:
+def test_a_finding_without_an_object_belongs_to_the_file() -> None:
     found = asked(NOBODYS, do="look", name="other.eds", text=TEXT)["findings"]
     assert {(each["index"], each["sub"]) for each in found if each["code"] != "W442"} == {(None, None)}
 
@@ -112,7 +112,7 @@ def test_a_request_that_cannot_be_is_answered_in_one_line(said: dict[str, Any], 
 
 
 @pytest.mark.parametrize("body", ["", "[", "7", "[" * 100_000, '{"do": 1e999}', "\ufffd"])
-def test_what_is_no_request_is_answered(body: str) -> None:
+def test_malformed_requests_are_answered(body: str) -> None:
     assert "error" in json.loads(NOBODYS.answer(body))
 
 
@@ -157,7 +157,7 @@ def test_a_save_writes_while_the_file_is_the_one_that_was_opened(motor: Path) ->
     assert motor.read_bytes() == MOTOR
 
 
-def test_what_is_no_eds_is_not_saved(motor: Path) -> None:
+def test_a_text_that_is_no_eds_is_not_saved(motor: Path) -> None:
     editor = FileEditor(lambda: [EditableFile(motor, "named")], control=True)
     digest = asked(editor, do="open", file=str(motor))["digest"]
     assert "not a readable EDS" in asked(editor, do="save", file=str(motor), digest=digest, text="\0\1\2")

@@ -116,7 +116,9 @@ ACTIONS = ("scan", "check", "apply", "clone", "program")
 @pytest.mark.long
 @pytest.mark.parametrize("do", ACTIONS)
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL], ids=["SIGTERM", "SIGKILL"])
-def test_a_server_that_is_ended_in_the_middle_of_an_action(bench: Bench, do: str, how: signal.Signals) -> None:
+def test_a_server_that_ends_during_an_action_leaves_the_device_as_it_was(
+    bench: Bench, do: str, how: signal.Signals
+) -> None:
     async def end(opened: aiohttp.ClientWebSocketResponse) -> None:
         await begun(opened, do)
         bench.process.send_signal(how)

@@ -46,7 +46,7 @@ def told(found: Iterable[PageEvent]) -> list[tuple[float, str, str, bool]]:
     ],
     ids=["boot-up", "NMT", "EMCY", "cleared", "abort", "first"],
 )  # fmt: skip
-def test_frames_that_are_events(frames: list[str], expected: list[tuple[float, str, str, bool]]) -> None:
+def test_events_of_frames(frames: list[str], expected: list[tuple[float, str, str, bool]]) -> None:
     found = told(events(*frames))
     assert [(time, kind, wrong) for time, kind, _, wrong in found] == [(each[0], each[1], each[3]) for each in expected]
     assert [text for _, _, text, _ in found if not text.startswith(expected[0][2])] == []

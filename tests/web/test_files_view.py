@@ -119,7 +119,7 @@ def changes(before: bytes, after: bytes) -> list[str]:
     return [line for gone, added in found for line in (*gone, *added)]
 
 
-def test_what_is_changed_in_the_form_is_all_that_comes_back_changed(desk: Desk) -> None:
+def test_only_the_value_edited_in_the_form_changes_in_the_file(desk: Desk) -> None:
     desk.choose("0x1017")
     desk.set("DefaultValue", "250")
     desk.set("HighLimit", "900")
@@ -148,7 +148,7 @@ def test_undo_and_redo_by_button_and_key(desk: Desk) -> None:
     assert changes(ODD, desk.download()) == ["-DefaultValue=500\r\n", "+DefaultValue=2\r\n"]
 
 
-def test_what_lint_calls_an_error_is_refused_and_changes_nothing(desk: Desk) -> None:
+def test_an_edit_that_causes_a_lint_error_is_refused_and_changes_nothing(desk: Desk) -> None:
     desk.choose("0x6064")
     desk.set("PDOMapping", value=False)
     said = desk.press("apply")
@@ -245,7 +245,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize(("name", "data", "said"), BROKEN, ids=[each[0] for each in BROKEN])
-def test_a_file_that_is_none_is_one_line_and_leaves_the_others(
+def test_a_file_that_is_no_eds_is_one_line_and_leaves_the_others(
     name: str, data: bytes, said: str, desk: Desk, tmp_path: Path
 ) -> None:
     (tmp_path / name).write_bytes(data)
@@ -275,7 +275,7 @@ def test_a_file_that_is_dropped_is_edited_beside_the_others_and_never_saved(desk
     ]
 
 
-def test_a_file_is_saved_only_while_it_is_what_was_opened(desk: Desk) -> None:
+def test_a_file_that_was_changed_on_disk_is_not_overwritten(desk: Desk) -> None:
     desk.choose("0x1017")
     desk.set("DefaultValue", "1")
     desk.press("apply")
@@ -293,7 +293,7 @@ def test_without_control_there_is_no_save(desk: Desk) -> None:
     assert desk.page.run("document.querySelector('[data-focus=Save]').hidden")
 
 
-def test_the_files_of_a_live_network_are_there_to_be_opened(tmp_path: Path, window: Page) -> None:
+def test_the_files_of_a_live_network_can_be_opened(tmp_path: Path, window: Page) -> None:
     name = channel()
     with live_page(name, tmp_path) as served:
         window.open(served.address)
@@ -307,7 +307,7 @@ def test_the_files_of_a_live_network_are_there_to_be_opened(tmp_path: Path, wind
         window.may_lose_its_server = True
 
 
-def test_by_the_keyboard_alone(desk: Desk) -> None:
+def test_a_file_is_edited_by_the_keyboard_alone(desk: Desk) -> None:
     """Find an object, change it, map it, undo all."""
     choose_pdo(desk, "TPDO1")
     desk.page.press("/")

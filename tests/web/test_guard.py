@@ -48,7 +48,7 @@ GUARD = MotionGuard([SERVO, MOTOR, IO])
         ("207#01", "it carries 0x6200:1 to io, which sets an output"),
     ],
 )
-def test_what_may_move_something_is_asked_about(frame: str, reason: str) -> None:
+def test_frames_and_writes_that_may_move_something_are_recognised(frame: str, reason: str) -> None:
     assert GUARD.of_frame(Frame.parse(frame)).startswith(reason)
 
 
@@ -68,7 +68,7 @@ def test_what_may_move_something_is_asked_about(frame: str, reason: str) -> None
         "080#",  # no RPDO of these files is synchronous
     ],
 )
-def test_what_moves_nothing_is_not(frame: str) -> None:
+def test_frames_and_writes_that_move_nothing_are_recognised(frame: str) -> None:
     assert GUARD.of_frame(Frame.parse(frame)) == ""
 
 
@@ -100,7 +100,7 @@ def test_a_makers_rpdo_counts_unless_a_robot_knows_what_its_messages_move() -> N
         {"do": "write", "node": "servo", "object": "0x6040", "value": "15", "sure": "yes"},
     ],
 )
-def test_no_way_of_the_page_sends_it_unasked(tmp_path: Path, words: dict[str, Any]) -> None:
+def test_no_request_of_the_page_moves_something_without_confirmation(tmp_path: Path, words: dict[str, Any]) -> None:
     with bench(tmp_path) as scene:
         said = scene.ask(**words)
         assert said["error"] == f"not sent: {said['asks']}"
@@ -109,5 +109,5 @@ def test_no_way_of_the_page_sends_it_unasked(tmp_path: Path, words: dict[str, An
 
 
 @pytest.mark.parametrize("makers", [True, False])
-def test_a_node_without_a_file_cannot_be_known(makers: bool) -> None:
+def test_a_frame_to_a_node_without_a_file_may_move_something(makers: bool) -> None:
     assert MotionGuard([], makers).of_frame(Frame(0x205, b"\x0f\0")) == "no file says what a node does with 205"

@@ -56,7 +56,7 @@ def test_a_scan_gives_each_node_with_its_file_and_says_who_is_missing(tmp_path: 
     assert job["result"] == {"missing": []}
 
 
-def test_who_does_not_answer_a_scan_is_missing(tmp_path: Path) -> None:
+def test_a_node_that_does_not_answer_a_scan_is_missing(tmp_path: Path) -> None:
     with live_page(channel(), tmp_path) as served:
         job = talk(served, lambda opened: done(opened, "scan", do="scan"))
     assert (job["rows"], job["result"]) == ([], {"missing": ["panel (1)", "lift (2)", "scale (3)"]})
@@ -87,7 +87,7 @@ def test_two_browsers_see_the_same_job_and_either_may_end_it(tmp_path: Path) -> 
     ],
     ids=lambda words: words["do"],
 )
-def test_what_asks_or_sends_is_refused_while_a_job_runs(tmp_path: Path, words: dict[str, Any]) -> None:
+def test_requests_that_send_are_refused_while_a_job_runs(tmp_path: Path, words: dict[str, Any]) -> None:
     async def during(opened: aiohttp.ClientWebSocketResponse) -> str:
         await answer(opened, '{"id": 1, "do": "scan"}')
         return str((await answer(opened, json.dumps({"id": 2, **words})))["error"])
@@ -145,7 +145,7 @@ def put_back(job: Job) -> str:
         return "nobody has ended it"
 
 
-def test_what_ends_a_job_is_raised_once_so_that_it_can_put_back(tmp_path: Path) -> None:
+def test_an_ended_job_gets_one_exception_and_can_restore(tmp_path: Path) -> None:
     name = channel()
     with line(name), _bench(name, tmp_path) as bench:
         job = bench.start(put_back)

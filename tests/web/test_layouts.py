@@ -33,7 +33,7 @@ def test_a_layout_is_there_for_the_next_server(tmp_path: Path) -> None:
         assert talk(served, lambda opened: kept(opened, do="layouts"))["ok"] == {}
 
 
-def test_a_layout_that_is_kept_or_removed_leaves_the_others(tmp_path: Path) -> None:
+def test_saving_or_removing_a_layout_keeps_the_others(tmp_path: Path) -> None:
     async def several(opened: Any) -> list[Any]:
         for name, layout in (("one", LAYOUT), ("two", {}), ("one", {})):
             await kept(opened, do="keep layout", name=name, layout=layout)
@@ -53,13 +53,13 @@ def test_a_layout_that_is_kept_or_removed_leaves_the_others(tmp_path: Path) -> N
         ({"name": "a"}, "layout is missing"),
     ],
 )
-def test_what_is_no_layout_is_refused_in_a_line(tmp_path: Path, words: dict[str, Any], error: str) -> None:
+def test_an_invalid_layout_is_refused_in_one_line(tmp_path: Path, words: dict[str, Any], error: str) -> None:
     with live_page(channel(), tmp_path) as served:
         assert talk(served, lambda opened: kept(opened, do="keep layout", **words))["error"] == error
     assert not (tmp_path / "layouts.json").exists()
 
 
-def test_damaged_layouts_are_said(tmp_path: Path) -> None:
+def test_a_damaged_file_of_layouts_is_reported(tmp_path: Path) -> None:
     (tmp_path / "layouts.json").write_text("{")
     with live_page(channel(), tmp_path) as served:
         assert "layouts.json: not JSON" in talk(served, lambda opened: kept(opened, do="layouts"))["error"]

@@ -122,7 +122,7 @@ def test_a_series_with_pixels_keeps_the_least_and_the_most_of_each(log: LongLog)
     assert (min(thinned["values"]), max(thinned["values"]), len(thinned["times"]) < 45) == (0, 599, True)
 
 
-def test_what_is_thinned_keeps_first_least_most_and_last() -> None:
+def test_a_thinned_series_keeps_first_least_most_and_last_value() -> None:
     thinned = ThinnedSeries(10.0)
     for time, value in enumerate([5, 9, None, 1, "word", 4, 20]):
         thinned.take(float(time), value)
@@ -161,14 +161,14 @@ def test_the_diagnosis_is_that_of_the_whole_log_once_it_is_asked_for(tmp_path: P
     assert found["incidents"]
 
 
-def test_what_is_ended_reads_no_further(tmp_path: Path) -> None:
+def test_an_ended_request_reads_no_further(tmp_path: Path) -> None:
     log = long_log(log_of(tmp_path))
     log.end()
     log.build()
     assert (len(log.index.places), log.index.is_complete) == (1, False)
 
 
-def test_a_log_that_is_gone_is_said(tmp_path: Path) -> None:
+def test_a_deleted_log_is_reported(tmp_path: Path) -> None:
     log = long_log(log_of(tmp_path))
     log.index.file.unlink()
     log.work()
@@ -187,7 +187,7 @@ def test_a_log_that_is_gone_is_said(tmp_path: Path) -> None:
     ],
     ids=["no such log", "no such request", "no time", "no rows", "no end", "no object"],
 )
-def test_a_wrong_request_is_refused_by_what_is_wrong(said: object, error: str, log: LongLog) -> None:
+def test_a_wrong_request_is_refused_with_the_reason(said: object, error: str, log: LongLog) -> None:
     answer = json.loads(asyncio.run(LongLogs([log]).post(json.dumps(said))))
     assert error in answer["error"]
 
@@ -207,7 +207,7 @@ def shown(log: LongLog) -> Iterator[str]:
         yield address
 
 
-def test_the_page_is_usable_at_once_and_leads_anywhere_in_the_log(tmp_path: Path, window: Page) -> None:
+def test_the_page_is_usable_while_the_log_is_read_and_jumps_to_any_time(tmp_path: Path, window: Page) -> None:
     log = long_log(log_of(tmp_path))
     with shown(log) as address:
         window.open(address)

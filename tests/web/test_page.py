@@ -15,7 +15,7 @@ from tests.kit import plant
 EMPTY = Columns("empty", plant.decoder(), 500_000).data()
 
 
-def test_it_loads_nothing_from_elsewhere() -> None:
+def test_the_page_loads_nothing_from_elsewhere() -> None:
     text = page("Match", [EMPTY], [])
     assert re.findall(r"""<(?:script|img|iframe)[^>]*src=|url\((?!#)|@import""", text) == []
     assert re.findall(r'href="(?!data:image/svg)[^"]*"', text) == []
@@ -24,7 +24,7 @@ def test_it_loads_nothing_from_elsewhere() -> None:
 @pytest.mark.parametrize(
     "evil", ["</script><script>alert(1)</script>", "<!-- <script>", "{{scripts}}", "'\"&", "\u2028", "]]>"]
 )
-def test_names_stay_data(evil: str) -> None:
+def test_names_in_files_are_escaped(evil: str) -> None:
     text = page(evil, [{**EMPTY, "name": evil}], [])
     plain = page("plain", [{**EMPTY, "name": "plain"}], [])
     assert text.count("<script") == plain.count("<script")
@@ -33,7 +33,7 @@ def test_names_stay_data(evil: str) -> None:
     assert json.loads(found[1])["sources"][0]["name"] == evil
 
 
-def test_its_policy_names_every_script_and_style_by_its_hash() -> None:
+def test_the_policy_of_the_page_names_every_script_and_style_by_hash() -> None:
     text = page("Match", [EMPTY], [])
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
     assert policy is not None

@@ -71,7 +71,7 @@ def test_a_frame_that_cannot_be_read_is_text_among_values(frames: tuple[Frame, F
     assert list(found["wrong"]) == [place]
 
 
-def test_what_is_no_frame_has_a_row_by_what_it_is() -> None:
+def test_entries_that_are_no_frames_have_rows_by_their_kind() -> None:
     found = row(data_of((0.0, Foreign(Damage.FD, "702##1AA"))), "CAN FD, 1 byte")
     assert (found["id"], found["times"], found["bits"]) == (None, [0.0], 0)
 
@@ -87,6 +87,6 @@ def test_events_are_services_and_what_panels_make_of_messages() -> None:
     ]
 
 
-def test_more_than_a_page_holds_is_left_out_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_beyond_the_limit_of_the_page_are_left_out_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, "MOST_FRAMES", 3)
     assert data_of(*((float(time), HERE) for time in range(5)))["left_out"] == 2

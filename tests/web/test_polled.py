@@ -55,7 +55,7 @@ def test_an_object_is_read_where_a_file_says_that_the_sdo_server_is(moved: Desk)
     assert reading.result()["value"] == 7
 
 
-def test_its_time_is_told_to_a_tenth_of_a_millisecond() -> None:
+def test_the_time_of_a_value_has_a_tenth_of_a_millisecond() -> None:
     polled = PolledObject("5", 5, find_one("0x1017", None))
     polled.samples.append(Sample(0, 1.23456, 1000))
     assert polled.shown(-1) == {"samples": [(1.2346, 1000)], "trouble": ""}
@@ -69,7 +69,7 @@ def test_a_browser_gets_the_values_since_its_turn_and_a_new_one_all_that_are_kep
     assert seen == [[0, 1, 2, 3], [2, 3], []]
 
 
-def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(moved: Desk) -> None:
+def test_a_value_just_read_is_sent_to_a_browser_with_the_present_turn(moved: Desk) -> None:
     session, key = moved.session, objects.watch(moved, {"node": "moved", "object": "Speed"})
 
     async def read_once() -> None:
@@ -98,7 +98,7 @@ def test_an_object_that_no_page_wants_any_more_is_read_no_more(desk: Desk) -> No
     assert not session.polled
 
 
-def test_when_all_places_are_taken_those_who_have_one_keep_it(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_further_object_is_refused_when_all_places_are_taken(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(objects, "MOST_POLLED", 1)
     known = {"node": "lift", "object": "0x1017"}
     key = objects.watch(desk, known)

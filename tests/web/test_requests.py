@@ -58,7 +58,7 @@ ANSWERS = {
 
 
 @pytest.mark.parametrize(("text", "number", "error"), ANSWERS.values(), ids=ANSWERS)
-def test_what_is_wrong_is_answered_with_the_number_of_the_request(
+def test_an_error_is_answered_with_the_number_of_the_request(
     requests: Requests, text: str, number: object, error: str
 ) -> None:
     said = json.loads(asyncio.run(requests.answer(text, ME)))
@@ -78,19 +78,19 @@ def test_a_page_without_control_does_nothing_that_acts(session: Session, tmp_pat
     assert asyncio.run(errors()) == {"this page is read-only: start the server with --control"}
 
 
-def test_what_only_looks_needs_no_control() -> None:
+def test_requests_that_only_read_need_no_control() -> None:
     assert not {"diagnosis", "scan", "read", "differences"} & {*ACTING}
     assert {"stop", "send", "write", "nmt", "record", "apply", "file"} <= {*ACTING}
 
 
-def test_a_question_says_what_may_move_and_a_yes_is_one(requests: Requests) -> None:
+def test_a_question_names_what_may_move_and_sure_confirms_it(requests: Requests) -> None:
     said = asyncio.run(asked(requests, do="nmt", command="start", node="lift"))
     assert said["error"] == f"not sent: {said['asks']}"
     yes = asyncio.run(asked(requests, do="nmt", command="start", node="lift", sure=True))
     assert (yes["re"], yes["ok"]) == (7, "000#0102")
 
 
-def test_who_is_gone_leaves_no_file_and_nothing_that_is_sent_again_and_again(requests: Requests) -> None:
+def test_a_closed_page_leaves_no_file_and_no_periodic_frames(requests: Requests) -> None:
     async def both() -> None:
         for who in (ME, YOU):
             assert "ok" in await asked(requests, who, **FILE)
@@ -107,7 +107,7 @@ def until_it_ends(job: Job) -> None:
         job.look()
 
 
-def test_a_server_that_ends_ends_its_job_and_what_is_sent_again_and_again(requests: Requests) -> None:
+def test_a_server_that_ends_stops_its_job_and_periodic_frames(requests: Requests) -> None:
     async def run() -> Job:
         async with requests.running():
             assert "ok" in await asked(requests, **LIST)

@@ -98,7 +98,9 @@ ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
 
 
 @pytest.mark.parametrize(("what", "method", "path", "headers", "status"), ATTACKS)
-def test_attacks(local: Served, what: str, method: str, path: str, headers: dict[str, str], status: int) -> None:
+def test_attacks_on_the_server_are_refused(
+    local: Served, what: str, method: str, path: str, headers: dict[str, str], status: int
+) -> None:
     answer = ask(local, path, method, **headers)
     assert (what, answer.status) == (what, status)
     assert "root:" not in answer.text
@@ -120,7 +122,7 @@ def test_attacks(local: Served, what: str, method: str, path: str, headers: dict
         (f"/?token={TOKEN}", {"Host": "evil.example"}, 403),
     ],
 )
-def test_the_token(guarded: Served, path: str, headers: dict[str, str], status: int) -> None:
+def test_requests_need_the_token(guarded: Served, path: str, headers: dict[str, str], status: int) -> None:
     if "Upgrade" in headers:
         headers = {**headers, "Origin": guarded.address.split("/?")[0]}
     port = str(urlsplit(guarded.address).port)
@@ -164,9 +166,7 @@ def test_every_answer_says_that_no_other_page_may_have_it(local: Served) -> None
         (b"GET /<script> HTTP/1.1\r\nExpect: all\r\nHost: 127.0.0.1\r\n\r\n", b"4"),
     ],
 )
-def test_what_is_not_http_is_refused_with_the_headers_of_all_answers(
-    local: Served, asked: bytes, status: bytes
-) -> None:
+def test_malformed_http_is_refused_with_the_headers_of_all_answers(local: Served, asked: bytes, status: bytes) -> None:
     with socket.create_connection((urlsplit(local.address).hostname, urlsplit(local.address).port), 30) as connection:
         connection.sendall(asked)
         said = b""
@@ -265,7 +265,7 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "list", "name": "a"}', "unknown list 'a'"),
     ],
 )
-def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:
+def test_wrong_requests_are_answered_in_one_line(local: Served, text: str, error: str) -> None:
     said = talk(local, lambda opened: answer(opened, text))
     assert error in said["error"]
     assert "\n" not in said["error"]
@@ -352,7 +352,7 @@ def test_a_list_goes_on_until_it_is_ended(tmp_path: Path, end: dict[str, str], w
 
 
 @pytest.mark.parametrize("words", [EACH_10_MS, {"id": 1, "do": "send frame", "frame": "123#AB"}], ids=["list", "frame"])
-def test_what_waits_when_stop_comes_is_not_sent_after_it(tmp_path: Path, words: dict[str, Any]) -> None:
+def test_frames_queued_before_a_stop_are_not_sent_after_it(tmp_path: Path, words: dict[str, Any]) -> None:
     async def stopped(opened: aiohttp.ClientWebSocketResponse) -> list[dict[str, Any]]:
         await opened.send_str(json.dumps(words))  # nodes are asked first what they obey, and nobody answers
         await opened.send_str('{"id": 2, "do": "stop"}')
@@ -566,7 +566,7 @@ def test_when_descriptors_end_one_line_is_logged_and_no_traceback(caplog: pytest
     ]
 
 
-def test_a_connection_that_says_nothing_harms_nobody(local: Served) -> None:
+def test_a_silent_connection_does_not_disturb_others(local: Served) -> None:
     address = urlsplit(local.address)
     with socket.create_connection((address.hostname or "", address.port or 0)):
         assert ask(local).status == 200
@@ -591,7 +591,9 @@ PROXIED = AccessRules("127.0.0.1", "right", BENCH)
         (PROXIED, {"Host": "127.0.0.1:8014", "Origin": BENCH}, "right", True),  # a proxy that says its own Host
     ],
 )
-def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgrade: bool) -> None:
+def test_requests_of_this_page_are_admitted(
+    access: AccessRules, headers: dict[str, str], shown: str, upgrade: bool
+) -> None:
     assert access.refusal(headers, shown, upgrade) is None
 
 
@@ -617,7 +619,7 @@ def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgr
         (PROXIED, {"Host": "bench.example"}, "right", True, 403, "another page"),
     ],
 )
-def test_refused(
+def test_requests_of_other_pages_are_refused(
     access: AccessRules, headers: dict[str, str], shown: str, upgrade: bool, status: int, why: str
 ) -> None:
     refusal = access.refusal(headers, shown, upgrade)

@@ -122,7 +122,7 @@ def test_the_diagnosis_fills_while_traffic_comes(bus: tuple[Session, Callable[[F
     assert [each.rule for each in session.diagnosis.so_far(session.now)] == [BusRule.EMCY_CLEARED]
 
 
-def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+def test_the_state_of_each_node_is_in_the_snapshot(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, send = bus
     send(BEAT)
     lift = next(each for each in snapshot(session)["nodes"] if each["name"] == "lift")
@@ -130,7 +130,7 @@ def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) ->
     assert 0 <= lift["age"] < 10
 
 
-def test_what_the_page_sends_is_shown_too(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+def test_frames_sent_by_the_page_are_shown_too(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, _ = bus
     send_own(session, STOP)
     assert [each["name"] for each in snapshot(session)["rows"]] == ["Halt Lift"]
@@ -153,7 +153,7 @@ class Lasting(Panel):
         yield PageEvent("lasting", "stop", 0.0, type(message).__name__, end=time)
 
 
-def test_an_event_that_has_changed_is_as_new_as_its_change(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_event_is_kept_as_a_new_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_EVENTS", 2)
     session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000, lambda _: [Lasting])
     for frame in (STOP, NMT, STOP, NMT):
@@ -238,7 +238,7 @@ def test_a_bus_that_fails_is_reported_and_opened_again() -> None:
     session.close()
 
 
-def test_times_go_on_when_the_driver_begins_anew_at_zero() -> None:
+def test_times_continue_when_the_driver_restarts_at_zero() -> None:
     name = channel()
     session = Session(partial(Restarting, name), plant.decoder(), 500_000)
     with open_bus("virtual", name) as other:

@@ -79,7 +79,7 @@ async def set_to(opened: aiohttp.ClientWebSocketResponse, node: str, number: int
     assert "ok" in await answer(opened, json.dumps(words))
 
 
-def test_what_differs_from_the_file_is_listed_as_diff_lists_it(bench: Motors) -> None:
+def test_differences_from_the_file_are_those_of_the_command_diff(bench: Motors) -> None:
     talk(bench.served, lambda opened: set_to(opened, "one", 250))
     job = act(bench, "differences")
     found = {each["object"]: (each["before"], each["after"]) for each in job["rows"]}
@@ -134,7 +134,7 @@ def test_the_file_of_a_domain_is_found_beside_the_dcf_that_was_sent(tmp_path: Pa
     assert "blob.bin" not in found["error"]
 
 
-def test_what_was_not_compared_is_not_applied(bench: Motors) -> None:
+def test_settings_that_were_not_compared_are_not_applied(bench: Motors) -> None:
     words = json.dumps({"id": 1, "do": "apply", "node": "one", "from": "two", "sure": True})
     said = talk(bench.served, lambda opened: answer(opened, words))
     assert said["error"] == "compare first: what is written is what the comparison has shown"

@@ -90,7 +90,9 @@ def test_a_log_is_sent_or_chosen_from_the_folder(start: StartPage, tmp_path: Pat
     ],
     ids=str,
 )
-def test_what_is_asked_wrongly_is_answered_in_a_line(start: StartPage, words: dict[str, Any], error: str) -> None:
+def test_wrong_requests_of_the_first_page_are_answered_in_one_line(
+    start: StartPage, words: dict[str, Any], error: str
+) -> None:
     said = ask(start, **words)
     assert error in said["error"]
     assert "\n" not in said["error"]
@@ -130,7 +132,7 @@ def test_a_bit_rate_is_found_by_listening_alone(monkeypatch: pytest.MonkeyPatch,
     assert Adapter.opened[-1] == {"bitrate": bit_rate, "listen_only": True}
 
 
-def test_who_cannot_listen_silently_does_not_listen() -> None:
+def test_an_adapter_without_listen_only_mode_does_not_listen() -> None:
     with pytest.raises(LocalError, match="usb2can cannot listen silently"):
         adapters.frames_at("usb2can", "0", 500_000)
 

@@ -13,7 +13,7 @@ from tests.web.scene import channel
 ANSWER, BEAT = Frame(0x582, bytes(8)), Frame(0x702, b"\x05")
 
 
-def test_the_master_gets_answers_and_nothing_else() -> None:
+def test_the_master_receives_only_answers() -> None:
     tap = Tap(lambda *_: True)
     for frame in (BEAT, ANSWER, Frame(0x100, bytes(5))):
         tap.give(frame, 0.0)
@@ -32,7 +32,7 @@ def test_answers_come_from_where_a_file_has_moved_them() -> None:
     tap.shutdown()
 
 
-def test_what_nobody_takes_makes_room_for_what_is_newer() -> None:
+def test_unread_frames_are_dropped_oldest_first() -> None:
     tap = Tap(lambda *_: True)
     for number in range(MOST_WAITING + 2):
         tap.give(Frame(ANSWER.cob_id, number.to_bytes(8, "little")), 0.0)

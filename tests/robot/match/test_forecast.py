@@ -41,7 +41,7 @@ def seen_from(first: int, steps: int) -> Course:
 
 
 @pytest.mark.parametrize(("steps", "off"), [(90, 20.0), (150, 20.0)], ids=["a lap and a bit", "two laps"])
-def test_who_comes_by_again_goes_on_as_before(steps: int, off: float) -> None:
+def test_a_robot_on_its_second_lap_is_predicted_by_its_first(steps: int, off: float) -> None:
     course = seen_from(0, steps)
     last = steps - 2
     ahead = course.ahead(last * STEP, 0)
@@ -49,14 +49,14 @@ def test_who_comes_by_again_goes_on_as_before(steps: int, off: float) -> None:
     assert max(math.dist(there, PLACES[last + 1 + step]) for step, there in enumerate(ahead[:60])) <= off + 40
 
 
-def test_before_a_lap_it_goes_straight_on() -> None:
+def test_before_its_first_lap_a_robot_is_predicted_straight_on() -> None:
     course = seen_from(0, 20)
     assert course.ahead(18 * STEP, 0)[:2] == [pytest.approx(PLACES[19]), pytest.approx(PLACES[20])]
     assert course.ahead(18 * STEP, 5)[0] == pytest.approx(PLACES[24])
     assert not course.has_lap
 
 
-def test_a_place_from_where_it_cannot_have_come_was_wrong() -> None:
+def test_a_sighting_from_which_the_robot_cannot_have_come_is_dropped() -> None:
     course = Course(150.0)
     assert course.saw(Seen(Point(2500, 1500), 0.0)) == 0
     assert course.saw(Seen(PLACES[2], 2 * STEP)) == 0, "it did not drive through all that stands between"
@@ -64,7 +64,7 @@ def test_a_place_from_where_it_cannot_have_come_was_wrong() -> None:
     assert course.saw(Seen(PLACES[4], 4 * STEP)) == 2
 
 
-def test_where_it_was_before_anybody_saw_it_is_where_it_was_a_lap_later() -> None:
+def test_a_place_before_the_first_sighting_is_that_of_a_lap_later() -> None:
     first = 35  # just before a corner: straight back from there would be elsewhere
     course = seen_from(first, 90)
     for step in range(1, BEFORE):
@@ -123,14 +123,14 @@ def test_a_way_is_free_if_nobody_will_be_too_near(places: list[Point], is_free: 
     assert forecast(places).is_free(poses, now=1.0) is is_free
 
 
-def test_who_is_near_may_stand_and_may_be_left() -> None:
+def test_a_robot_that_is_too_near_may_stand_or_drive_away() -> None:
     found = forecast(east(710, -50.0))  # it has come to 460, and drives on by what is said of it
     beside = Pose(760, 1000, 0)
     assert found.is_free([beside.moved(30 * step, 0) for step in range(10)], now=1.0), "away from it"
     assert not found.is_free([Pose(760 - 30 * step, 1000, 180) for step in range(10)], now=1.0), "into it"
 
 
-def test_where_others_drive_is_known() -> None:
+def test_the_course_of_another_robot_tells_which_points_it_passes() -> None:
     found = forecast(east(1000))
     assert found.passes(Point(1200, 1100))
     assert not found.passes(Point(1200, 1300))

@@ -93,7 +93,7 @@ def play(file: Path) -> tuple[Summary, list[MatchEvent], list[int], list[str]]:
 
 @pytest.mark.usefixtures("_impatient")
 @pytest.mark.parametrize(("body", "line"), HANGING.values(), ids=HANGING)
-def test_it_is_ended_with_its_line_and_the_robot_stands(tmp_path: Path, body: str, line: str) -> None:
+def test_a_hanging_strategy_is_ended_with_its_line_and_the_robot_stands(tmp_path: Path, body: str, line: str) -> None:
     file = write(tmp_path, body)
     begin = time.process_time()
     summary, events, sent, _ = play(file)
@@ -152,7 +152,7 @@ def test_a_strategy_that_waits_for_a_slow_file_is_not_ended(tmp_path: Path, monk
 
 @pytest.mark.posix
 @pytest.mark.usefixtures("_impatient")
-def test_one_that_waits_for_a_file_for_ever_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_strategy_that_waits_for_a_file_for_ever_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(event_loop, "STALLED", 0.5)
     os.mkfifo(tmp_path / "slow")
     summary, *_ = play(write(tmp_path, READS))
@@ -161,7 +161,7 @@ def test_one_that_waits_for_a_file_for_ever_is_ended(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.usefixtures("_impatient")
-def test_in_real_time(tmp_path: Path) -> None:
+def test_a_hanging_strategy_is_ended_in_a_live_match(tmp_path: Path) -> None:
     events: list[MatchEvent] = []
     opener = partial(open_bus, "virtual", new_channel())
     begin = time.process_time()
@@ -175,7 +175,7 @@ def test_in_real_time(tmp_path: Path) -> None:
     assert summary.frames["Stop Drive"]
 
 
-def test_the_other_seeds_go_on(tmp_path: Path) -> None:
+def test_a_hanging_strategy_does_not_end_the_other_seeds(tmp_path: Path) -> None:
     once = "flag = pathlib.Path(__file__).with_suffix('.flag')\nif not flag.exists():\n    flag.touch()\n"
     file = write(tmp_path, once + "    while True: pass\nawait core.goto(600, 1700, 90, 60)")
     first, *others = play_many(ALONE, range(1, 4), strategies=StrategyFiles(file))
@@ -210,5 +210,5 @@ def test_a_strategy_that_swallows_its_end_is_told(tmp_path: Path) -> None:
     assert summary.failure == "the strategy goes on after the match: it swallows asyncio.CancelledError"
 
 
-def test_no_watchdog_is_left() -> None:
+def test_no_watchdog_thread_is_left_after_a_match() -> None:
     assert [each.name for each in threading.enumerate() if each.name == "watchdog"] == []

@@ -70,7 +70,7 @@ def test_a_call_that_nobody_awaits_is_told(what: GotoXY | str, name: str) -> Non
 
 
 @pytest.mark.parametrize(("end", "events"), ENDS)
-def test_how_a_goto_ends(end: object, events: list[MatchEvent]) -> None:
+def test_a_goto_is_reported_with_its_outcome(end: object, events: list[MatchEvent]) -> None:
     begun, *ended = told(GOTO, end)
     assert (begun.time, begun.kind, begun.text) == (1.0, EventKind.GOTO, "(1500, 1000) 90 deg, 80 %")
     assert ended == events
@@ -79,7 +79,7 @@ def test_how_a_goto_ends(end: object, events: list[MatchEvent]) -> None:
 @pytest.mark.parametrize(
     ("end", "texts"), [(3, ["fire 1: 3"]), (0, ["fire 1: nothing"]), (StateError("no arm"), []), (None, [])]
 )
-def test_what_a_task_comes_to(end: object, texts: list[str]) -> None:
+def test_a_task_is_reported_with_its_points(end: object, texts: list[str]) -> None:
     assert [event.text for event in told("fire 1", end)] == texts
 
 

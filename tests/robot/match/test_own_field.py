@@ -64,7 +64,7 @@ async def to_the_corner(core: Core, place: tuple[int, int, int] = CORNER) -> Out
     return (await core.goto(*place, speed=80)).outcome
 
 
-def test_it_drives_to_the_far_corner_of_its_field(tmp_path: Path) -> None:
+def test_the_robot_drives_to_the_far_corner_of_a_larger_field(tmp_path: Path) -> None:
     options = MatchOptions(dialect=write_robot(tmp_path, "[3500, 2500]"), enemies=0, confederates=0, falling=False)
     truth: list[tuple[float, float]] = []
 
@@ -98,12 +98,12 @@ def test_a_smaller_field_is_played_and_drawn(tmp_path: Path) -> None:
     assert "scale(1.3" in drawing.read_text(encoding="utf-8"), "a smaller field is drawn larger"
 
 
-def test_on_the_shipped_field_there_is_no_such_place(tmp_path: Path) -> None:
+def test_the_shipped_field_refuses_a_place_of_a_larger_one(tmp_path: Path) -> None:
     options = MatchOptions(dialect=write_robot(tmp_path, "[3000, 2000]"), enemies=0, confederates=0, falling=False)
     assert rehearse(to_the_corner, options) is Outcome.NOT_POSSIBLE
 
 
-def test_a_field_that_positions_cannot_say_is_told() -> None:
+def test_a_field_larger_than_the_range_of_positions_is_reported() -> None:
     options = MatchOptions(settings=(("field.size", "[3500, 2500]"),))
     with pytest.raises(
         DictionaryError, match=r"drive\.eds: the robot's file has a field of 3500 mm along X, .* at 3000"
@@ -141,7 +141,7 @@ class Arm(RobotNode):
     FACTS: ClassVar[Any] = {"Body.Robot radius": lambda facts: facts.body.radius + 0.5}
 
 
-def test_a_fact_that_a_setting_cannot_hold_is_told() -> None:
+def test_a_fact_out_of_the_range_of_its_setting_is_reported() -> None:
     with pytest.raises(DictionaryError, match=r"Body.Robot radius = 140.5, as the robot's file says, is not a whole"):
         Arm(dialects.load("drive"))
 

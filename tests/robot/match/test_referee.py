@@ -85,7 +85,7 @@ def test_a_goto_at_the_end_is_stopped_and_the_strategy_is_cancelled() -> None:
     assert given_up.data["why"] == "the match is over"
 
 
-def test_what_a_strategy_does_is_told() -> None:
+def test_actions_of_a_strategy_are_reported() -> None:
     async def one_task(core: Core) -> None:
         await core.goto(1400, 1800, 90, 80)
         await core.act("frescos")
@@ -217,7 +217,7 @@ def test_a_core_that_does_not_end_the_match_is_a_failed_match() -> None:
     assert stands(world)
 
 
-def test_the_mushroom_ends_everything() -> None:
+def test_the_emergency_mushroom_ends_gotos_tasks_and_strategy() -> None:
     events, summary, world = play(to_and_fro, replace(ALONE, emergency_at=4.0))
     emergency = next(event for event in events if event.kind is EventKind.EMERGENCY)
     assert emergency.time - events[4].time == pytest.approx(4.0, abs=0.001)

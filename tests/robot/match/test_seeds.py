@@ -61,7 +61,7 @@ def test_each_seed_is_played_once_and_in_order() -> None:
 
 
 @pytest.mark.long
-def test_several_processes_come_to_the_same() -> None:
+def test_several_processes_give_the_same_results() -> None:
     assert run("for match in matches: print(match)", 6) == [str(each) for each in play_many(SHORT, range(1, 6))]
 
 
@@ -100,7 +100,7 @@ def test_processes_end_when_their_parent_is_killed() -> None:
     ("options", "error"),
     [(MatchOptions(emergency_at=95.0), LocalError), (MatchOptions(dialect="nonsense"), UnknownName)],
 )
-def test_what_cannot_be_played_is_an_error_before_anything_begins(
+def test_seeds_that_cannot_be_played_are_an_error_before_any_match(
     options: MatchOptions, error: type[Exception]
 ) -> None:
     with pytest.raises(error):
@@ -168,12 +168,12 @@ POINTS = FIGURES[0]
         ([FAILED], {"arrived": (0, 0)}),
     ],
 )
-def test_endings(matches: list[PlayedMatch], rows: dict[str, tuple[int, int]]) -> None:
+def test_endings_of_gotos_are_counted(matches: list[PlayedMatch], rows: dict[str, tuple[int, int]]) -> None:
     counted = {name: (in_matches, gotos) for name, in_matches, gotos in endings(matches)}
     assert counted.items() >= rows.items()
 
 
-def test_what_is_wrong_is_a_row_even_if_it_never_was() -> None:
+def test_problems_have_a_row_even_when_their_number_is_0() -> None:
     names = ["not possible", "replaced", "lost"]
     assert endings([FINE])[1:4] == [(name, 0, 0) for name in names]
 
@@ -203,7 +203,9 @@ def test_touches_are_counted_by_what_and_by_whose_fault() -> None:
         (DISTANCE, [FAILED, FINE], Spread(5.0, (4.0, 1), [4.5, 5.0, 5.5], (6.0, 1))),
     ],
 )
-def test_spread(figure: Figure, matches: list[PlayedMatch], expected: Spread | None) -> None:
+def test_the_spread_of_a_figure_over_matches(
+    figure: Figure, matches: list[PlayedMatch], expected: Spread | None
+) -> None:
     assert spread(figure, matches) == expected
 
 
@@ -213,7 +215,7 @@ def test_a_match_that_failed_has_no_figures(figure: Figure) -> None:
     assert spread(figure, [FINE]) is not None
 
 
-def test_a_task_that_came_to_nothing_is_not_done() -> None:
+def test_a_task_without_points_is_not_done() -> None:
     (tasks_done,) = (figure for figure in FIGURES if figure.name == "tasks done")
     played = replace(
         FINE, tasks=[PlayedTask(2.0, "fire 1", 0), PlayedTask(4.0, "fire 2", 1), PlayedTask(9.0, "net", 6)]

@@ -134,7 +134,7 @@ def ended(end: str) -> PlayedMatch:
         (PlayedMatch(1, failure="no answer"), ["no answer"]),
     ],
 )
-def test_what_is_wrong(match: PlayedMatch, wrong: list[str]) -> None:
+def test_problems_of_a_match(match: PlayedMatch, wrong: list[str]) -> None:
     assert match.wrong == wrong
     assert match.as_data()["wrong"] == wrong
 

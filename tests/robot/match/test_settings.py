@@ -29,7 +29,7 @@ def value(setting: str, *settings: tuple[str, str]) -> float:
         ("navigation.Noise.Position deviation", ("navigation.0x2101:1", "30")),
     ],
 )
-def test_a_setting_is_what_was_given(setting: str, given: tuple[str, str]) -> None:
+def test_a_given_setting_is_the_nodes_value(setting: str, given: tuple[str, str]) -> None:
     assert value(setting) != value(setting, given) == int(given[1], 0)
 
 
@@ -53,7 +53,7 @@ def test_the_last_of_two_counts() -> None:
         ("drive.Motion.Maximum speed", "0", FieldError, "Motion.Maximum speed = 0 is not allowed; allowed: 1..65535"),
     ],
 )
-def test_what_is_wrong_is_named(name: str, text: str, error: type[Exception], complaint: str) -> None:
+def test_a_wrong_setting_is_named(name: str, text: str, error: type[Exception], complaint: str) -> None:
     with pytest.raises(error) as raised:
         stores([(name, text)], FILES.dictionaries)
     assert complaint in str(raised.value)

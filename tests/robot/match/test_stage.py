@@ -259,7 +259,7 @@ def test_log_and_picture_are_those_of_a_match(tmp_path: Path) -> None:
     assert "our path, as it really was" in text
 
 
-def test_they_are_written_when_the_strategy_raises(tmp_path: Path) -> None:
+def test_log_and_picture_are_written_when_the_strategy_raises(tmp_path: Path) -> None:
     log, picture = tmp_path / "mine.log", tmp_path / "mine.svg"
     with pytest.raises(ValueError, match="no plan"):
         rehearse(fail, ALONE, log=log, picture=picture)

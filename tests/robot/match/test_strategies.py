@@ -73,14 +73,14 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "complaint"), WRONG)
-def test_what_is_wrong_is_one_line_with_its_place(mine: Path, text: str, complaint: str) -> None:
+def test_a_faulty_strategy_is_one_line_with_its_place(mine: Path, text: str, complaint: str) -> None:
     mine.write_text(text)
     with pytest.raises(LocalError) as error:
         load_strategy(mine)
     assert str(error.value) == complaint.format(file=mine)
 
 
-def test_what_is_no_text_is_one_line(mine: Path) -> None:
+def test_a_strategy_that_is_no_text_is_one_line(mine: Path) -> None:
     mine.write_bytes(b"\x00\xff")
     with pytest.raises(LocalError) as error:
         load_strategy(mine)
@@ -89,6 +89,6 @@ def test_what_is_no_text_is_one_line(mine: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "complaint"), [("", "Is a directory"), ("none.py", "No such file or directory")])
-def test_a_file_that_cannot_be_read(tmp_path: Path, name: str, complaint: str) -> None:
+def test_a_strategy_that_cannot_be_read_is_an_error(tmp_path: Path, name: str, complaint: str) -> None:
     with pytest.raises(LocalError, match=complaint):
         load_strategy(tmp_path / name)

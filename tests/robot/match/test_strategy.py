@@ -59,7 +59,7 @@ def test_fruit_is_worth_a_way_to_the_basket_until_it_was_brought_there() -> None
     assert {tree.name, another.name, basket.name} & strategy.todo.keys() == {basket.name}, "a tree is picked once"
 
 
-def test_it_does_not_drive_where_another_robot_will_be() -> None:
+def test_the_robot_does_not_drive_where_another_robot_will_be() -> None:
     bench, strategy = started()
     (way, poses), *_ = strategy.ways_to(strategy.todo["frescos"])
     assert way == (Point(1400, 1800),)
@@ -70,7 +70,7 @@ def test_it_does_not_drive_where_another_robot_will_be() -> None:
     assert not strategy.is_free(poses), "it comes along the same line"
 
 
-def test_who_has_not_moved_for_long_looks_for_a_way_round_the_others() -> None:
+def test_a_robot_that_has_not_moved_for_long_plans_a_way_round_the_others() -> None:
     bench, strategy = started()
     bench.say("navigation", Enemy1PositionResponse(150, 1500, 0, Source.ENEMY_1))
     task = strategy.todo["fire 3"]
@@ -95,7 +95,7 @@ def test_two_that_give_way_to_each_other_do_not_stand_for_ever() -> None:
     assert is_free == [False, False, True], "we wait long before we pass closely, but not for ever"
 
 
-def test_what_is_given_up_for_the_way_home_is_what_leaves_no_time_for_it() -> None:
+def test_a_task_that_leaves_no_time_for_the_way_home_is_given_up() -> None:
     _, strategy = started()
     tree, torch = strategy.todo["tree 4"], strategy.todo["torch 4"]
     assert strategy.time_after(torch) == 0.0 < strategy.time_after(tree), "nothing to bring home"

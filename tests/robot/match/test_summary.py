@@ -53,7 +53,7 @@ def test_in_words_every_count_has_a_line_and_errors_and_reports_follow_the_total
     ]
 
 
-def test_nothing_touched_is_said_as_well() -> None:
+def test_a_match_without_touches_says_so() -> None:
     lines = str(replace(summary(GOTO), points={"ours": 0, "enemy 1": 3})).splitlines()
     assert lines[-2:] == ["points: ours 0, enemy 1 3", "touches: none"]
 
@@ -96,7 +96,7 @@ def test_the_load_is_the_share_of_time_that_the_bits_take() -> None:
     assert summary(seconds=0.0).load == 0.0
 
 
-def test_as_data_is_plain() -> None:
+def test_the_summary_as_data_is_plain() -> None:
     data = summary(GOTO).as_data()
     assert data["messages_sent"] == 1
     assert data["frames"]["Goto XY"] == 1

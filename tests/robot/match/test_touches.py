@@ -20,7 +20,7 @@ def test_everything_on_the_field_has_a_kind(name: str) -> None:
     assert RobotTouch(0.0, name, False, False).kind is not Touched.OTHER
 
 
-def test_what_has_no_kind_is_something_else() -> None:
+def test_an_unknown_body_has_the_kind_something_else() -> None:
     assert RobotTouch(0.0, "fallen thing", False, False).kind is Touched.OTHER
 
 
@@ -35,7 +35,7 @@ def test_what_has_no_kind_is_something_else() -> None:
         (Touch(1.0, OURS, "pool 1", STANDS, 0.0, 500.0, 600.0), ("pool 1", False, False)),  # it was pushed there
     ],
 )
-def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None:
+def test_the_robot_that_drove_into_the_other_is_at_fault(touch: Touch, seen: tuple[str, bool, bool]) -> None:
     (mine,) = touches_of(OURS, [touch, Touch(2.0, "enemy 1", "enemy 2", FAST, FAST, 500.0, 600.0)])
     assert mine == RobotTouch(1.0, *seen)
 
@@ -55,7 +55,7 @@ def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None
         (RobotTouch(1.0, "fallen thing", True, False), False),
     ],
 )
-def test_what_should_not_have_been_touched(touch: RobotTouch, wrong: bool) -> None:
+def test_whether_a_touch_is_wrong_depends_on_what_was_touched(touch: RobotTouch, wrong: bool) -> None:
     assert touch.is_wrong is wrong
 
 

@@ -346,7 +346,7 @@ def test_a_goto_is_not_possible_while_the_place_is_unknown() -> None:
     assert set(seat.run(1.0).wheels.commands) <= {AT_REST}
 
 
-def test_nor_is_one_while_the_place_is_less_certain_than_the_setting_asks() -> None:
+def test_a_goto_is_not_possible_while_the_place_is_less_certain_than_the_setting() -> None:
     seat = configured()
     put(seat.drive, "Estimate.Largest deviation", 1)
     assert seat.drive.estimate.spread > 1
@@ -592,7 +592,7 @@ def test_an_unknown_place_is_told_as_unknown() -> None:
         ((None, None, None), (None, None, None)),
     ],
 )
-def test_a_first_navigation_position(
+def test_a_first_navigation_position_sets_the_place(
     position: tuple[int | None, int | None, int | None], expected: tuple[int | None, int | None, int | None]
 ) -> None:
     seat = Seat().say(NaviPositionResponse(*position, Source.INTERNAL))

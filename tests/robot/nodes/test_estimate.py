@@ -45,7 +45,7 @@ def settled(pose: Pose = START) -> Estimate:
 # What it begins with
 
 
-def test_nothing_is_known_at_first() -> None:
+def test_the_place_is_unknown_at_first() -> None:
     estimate = Estimate(TUNING)
     estimate.moved(Odometry(100.0, 10.0), 0.0)
     assert (estimate.pose, estimate.scale, estimate.deviations) == (None, None, None)
@@ -83,7 +83,7 @@ ASSUMED = [
 
 
 @pytest.mark.parametrize(("fixes", "expected", "why"), ASSUMED)
-def test_an_assumed_pose(fixes: list[Fix], expected: Fix | Pose, why: str) -> None:
+def test_an_assumed_pose_is_the_estimate(fixes: list[Fix], expected: Fix | Pose, why: str) -> None:
     estimate = Estimate(TUNING, START)
     for number, fix in enumerate(fixes):
         estimate.corrected(fix, 0.1 * number)
@@ -107,7 +107,7 @@ def test_an_outlier_is_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_outliers_at_random_never_move_it(seed: int) -> None:
+def test_random_outliers_never_move_the_estimate(seed: int) -> None:
     chance = random.Random(seed)
     estimate = settled()
     for number in range(1000):
@@ -146,7 +146,7 @@ def test_a_robot_that_is_not_seen_any_more_knows_its_place_worse_than_its_wheels
 
 @pytest.mark.parametrize("heading", [True, False])
 @pytest.mark.parametrize("speed", [0.0, 4.0, 8.0])
-def test_it_recovers_from_a_displacement_of_a_metre_within_two_seconds(speed: float, heading: bool) -> None:
+def test_the_estimate_recovers_from_a_displacement_of_a_metre_within_two_seconds(speed: float, heading: bool) -> None:
     estimate = settled()
     truth = START._replace(x=2000.0, angle=START.angle - 40.0 * heading)
     for number in range(200):
@@ -286,7 +286,7 @@ def tour(seed: int, noise: float, squares: Squares) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("noise", [0.0, 5.0, 30.0, 60.0])
-def test_it_is_better_than_beacons_alone_and_than_wheels_alone(noise: float) -> None:
+def test_the_estimate_is_better_than_beacons_alone_and_than_wheels_alone(noise: float) -> None:
     squares = Squares()
     for seed in range(10):
         tour(seed, noise, squares)

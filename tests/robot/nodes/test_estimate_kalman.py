@@ -118,7 +118,7 @@ class Textbook:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_it_agrees_with_a_filter_of_numerical_jacobians(seed: int) -> None:
+def test_the_filter_agrees_with_one_of_numerical_jacobians(seed: int) -> None:
     chance = random.Random(seed)
     tuning = TUNING._replace(navigation=chance.uniform(0.0, 60.0), navigation_angle=chance.uniform(0.0, 5.0))
     belief = begun(tuning=tuning)
@@ -170,7 +170,7 @@ def wandered(seed: int, tuning: Tuning, positions: int) -> float:
 
 @pytest.mark.parametrize("navigation", [0.0, 5.0, 30.0, 60.0])
 @pytest.mark.parametrize("positions", [1, 8])
-def test_its_errors_are_as_large_as_it_says(navigation: float, positions: int) -> None:
+def test_the_errors_of_the_filter_match_its_variance(navigation: float, positions: int) -> None:
     """The mean of 100 runs of a chi-square of 3 degrees of freedom: 95 % of them lie within 0.48 of 3."""
     tuning = TUNING._replace(navigation=navigation)
     mean = sum(wandered(seed, tuning, positions) for seed in range(100)) / 100
@@ -222,13 +222,13 @@ BLENDS = [
 
 
 @pytest.mark.parametrize(("variances", "fix", "expected", "why"), BLENDS)
-def test_a_position_weighs_as_much_as_it_is_sure(variances: Variances, fix: Fix, expected: Pose, why: str) -> None:
+def test_a_position_weighs_by_its_variance(variances: Variances, fix: Fix, expected: Pose, why: str) -> None:
     belief = Belief.at(START, variances, 0.0)
     corrected, _ = belief.corrected(belief.compared(fix, STILL, TUNING))
     assert corrected.pose == pytest.approx(expected, abs=1e-3), why
 
 
-def test_it_learns_what_the_wheels_report_wrong() -> None:
+def test_the_filter_learns_the_scale_of_the_wheels() -> None:
     belief = begun()
     truth = START
     for number in range(1, 201):
@@ -239,7 +239,7 @@ def test_it_learns_what_the_wheels_report_wrong() -> None:
     assert belief.scale == pytest.approx(0.97, abs=0.005)
 
 
-def test_the_worst_direction_is_the_one_it_has_not_measured() -> None:
+def test_the_least_certain_direction_is_the_one_not_measured() -> None:
     """After a long way along x nothing is known as badly as y, by the heading's error at the start."""
     deviations = begun(Pose(0.0, 0.0, 0.0)).moved(Odometry(2000.0, 0.0), TUNING).deviations
     assert deviations.y == pytest.approx(math.hypot(10.0, 2000.0 * math.radians(2.0)), rel=1e-3)

@@ -399,7 +399,9 @@ def test_a_robot_that_stands_where_it_does_not_fit_may_leave() -> None:
 
 
 @pytest.mark.parametrize(("start", "goal", "barriers", "clearances"), IMPOSSIBLE)
-def test_no_way(start: Point, goal: Point, barriers: Barriers, clearances: Clearances) -> None:
+def test_a_goal_without_a_way_is_not_possible(
+    start: Point, goal: Point, barriers: Barriers, clearances: Clearances
+) -> None:
     assert find_route(start, goal, barriers, clearances) is None
 
 
@@ -452,7 +454,7 @@ def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside() -> None:
 
 
 @pytest.mark.parametrize(("speed", "x"), [(480.0, 1048.0), (0.0, 1000.0), (-480.0, 952.0)])
-def test_who_brakes_stands_after_the_way_that_it_takes(speed: float, x: float) -> None:
+def test_the_braking_distance_is_that_of_the_braking_motion(speed: float, x: float) -> None:
     assert LIMITS.standing(START, WheelCommand(speed, 0.0)) == Pose(x, 1000.0, 0.0)
 
 

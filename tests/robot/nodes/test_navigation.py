@@ -64,7 +64,7 @@ def ask(node: Navigation, question: Message, now: float = 1.0) -> Message:
         ConfederatePositionResponse(300, 300, None, Source.CONFEDERATE),
     ],
 )
-def test_what_is_seen_is_told_with_its_source(expected: PositionResponse) -> None:
+def test_a_seen_robot_is_answered_with_its_source(expected: PositionResponse) -> None:
     assert ask(navigation(EVERYONE, RED), ASKED[type(expected)]) == expected
 
 
@@ -78,7 +78,7 @@ def test_what_is_seen_is_told_with_its_source(expected: PositionResponse) -> Non
     ],
 )
 @pytest.mark.parametrize("beacons", [None, Seen()])
-def test_what_is_not_seen_is_unknown(beacons: Beacons | None, expected: PositionResponse) -> None:
+def test_a_robot_that_is_not_seen_is_unknown(beacons: Beacons | None, expected: PositionResponse) -> None:
     assert ask(navigation(beacons, RED), ASKED[type(expected)]) == expected
 
 
@@ -99,7 +99,7 @@ def test_a_place_that_is_no_longer_seen_is_unknown_again() -> None:
         (0, 1, {NaviPositionResponse, ConfederatePositionResponse}),
     ],
 )
-def test_who_is_not_there_is_unknown_whatever_the_beacons_see(
+def test_a_robot_that_does_not_take_part_is_unknown_whatever_the_beacons_see(
     enemies: int, confederates: int, known: set[type[PositionResponse]]
 ) -> None:
     node = navigation(EVERYONE, StartConfigurationSet(TeamColour.RED, enemies, confederates, 0, 0))

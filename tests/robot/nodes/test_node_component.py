@@ -137,7 +137,7 @@ def test_a_node_that_is_part_of_the_start_is_checked(files: dict[str, Dictionary
 
 
 @pytest.mark.parametrize("part", [BY_MESSAGES, BY_SDO])
-def test_without_it_nothing_is_driven(files: dict[str, Dictionary], part: Component) -> None:
+def test_without_a_needed_node_nothing_is_driven(files: dict[str, Dictionary], part: Component) -> None:
     robot = Robot(files, part, arm=False)
     checked, configured = robot.start()
     assert isinstance(checked.exception(0), NoAnswer)
@@ -224,7 +224,7 @@ def test_a_node_that_is_missing_at_the_end_of_the_match_has_to_be_checked_again(
         robot.core.goto(600, 1800, 0, 100)
 
 
-def test_nobody_waits_for_a_loss_for_ever(files: dict[str, Dictionary]) -> None:
+def test_waiting_for_a_loss_ends_when_the_core_is_switched_off(files: dict[str, Dictionary]) -> None:
     robot = Robot(files, BY_SDO)
     given_up, waiting = robot.core.loss(), robot.core.loss()
     assert given_up.cancel()

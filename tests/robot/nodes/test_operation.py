@@ -73,7 +73,7 @@ def test_startup_is_blocked_by_a_node_that_is_missing(missing: str) -> None:
     assert RED not in bench.messages()
 
 
-def test_drive_to_a_position(bench: Bench) -> None:
+def test_a_goto_to_a_position_is_confirmed_and_watched_until_arrival(bench: Bench) -> None:
     async def drive(core: Core) -> GotoReport:
         return await core.goto(700, 1700, 315, 60)
 
@@ -97,7 +97,7 @@ def test_positions_are_polled_while_the_robot_drives(bench: Bench) -> None:
     assert len(bench.times(KalmanPositionResponse)) == 5
 
 
-def test_emergency_mushroom(bench: Bench) -> None:
+def test_the_emergency_mushroom_shuts_down_drive_and_core(bench: Bench) -> None:
     bench.core.goto(1500, 1000, 90, 100)
     bench.run(1.0)
     bench.log.clear()
@@ -109,7 +109,7 @@ def test_emergency_mushroom(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("obstacle", Obstacle)
-def test_obstacle(bench: Bench, obstacle: Obstacle) -> None:
+def test_an_obstacle_stops_the_goto(bench: Bench, obstacle: Obstacle) -> None:
     bench.core.goto(1500, 1000, 90, 100)
     bench.run(1.0)
     bench.log.clear()

@@ -132,7 +132,7 @@ def test_a_drive_that_boots_is_known_by_its_answers(robot: Robot2014) -> None:
     assert not robot.drive.moving
 
 
-def test_what_it_cannot_have_a_drive_that_misses_the_core(robot: Robot2014) -> None:
+def test_a_drive_of_2014_goes_on_without_the_core(robot: Robot2014) -> None:
     robot.drive_off()
     robot.network.detach(robot.station)
     robot.run(2.0)

@@ -201,7 +201,7 @@ def _alone(node: str) -> tuple[Bench, str]:
 
 
 @pytest.mark.parametrize(("message", "sender", "cause"), SENDERS)
-def test_the_sender_sends_it(message: Message, sender: str, cause: Cause) -> None:
+def test_the_sender_of_a_row_sends_its_message(message: Message, sender: str, cause: Cause) -> None:
     bench, peer = _alone(sender)
     if cause.call:
         cause.call(bench.core)
@@ -211,7 +211,7 @@ def test_the_sender_sends_it(message: Message, sender: str, cause: Cause) -> Non
 
 
 @pytest.mark.parametrize(("message", "receiver", "effect"), RECEIVERS)
-def test_each_receiver_acts_on_it(message: Message, receiver: str, effect: Effect) -> None:
+def test_each_receiver_of_a_row_acts_on_its_message(message: Message, receiver: str, effect: Effect) -> None:
     bench, peer = _alone(receiver)
     if effect.call:
         effect.call(bench.core)

@@ -139,7 +139,7 @@ WATCHED = [GOTO, RED, StopDrive(), EmergencyStop(Obstacle.ENEMY), EmergencyShutd
 
 
 @pytest.mark.parametrize("message", WATCHED, ids=lambda message: type(message).__name__)
-def test_what_a_call_watches_is_not_sent_past_it(alone: Bench, message: Message) -> None:
+def test_a_message_whose_result_a_call_watches_cannot_be_sent_alone(alone: Bench, message: Message) -> None:
     with pytest.raises(StateError, match=r"is sent by core\.\w+\(\), which watches its result"):
         alone.core.send(message)
     with pytest.raises(StateError, match="is sent by core"):
@@ -192,7 +192,7 @@ def test_a_message_that_does_not_come_as_wanted_is_an_error_of_the_call(
     assert alone.core.open_calls == 0
 
 
-def test_what_the_core_never_receives_is_not_waited_for(alone: Bench) -> None:
+def test_waiting_for_a_message_that_the_core_never_receives_is_refused(alone: Bench) -> None:
     with pytest.raises(StateError):
         alone.core.hear(GotoXY)
 

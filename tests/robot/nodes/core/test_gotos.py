@@ -541,7 +541,7 @@ def distance(bench: Bench) -> float:
     return bench.pose().distance(Point(*NEAR[:2]))
 
 
-def test_a_goto_is_driven_and_watched_by_the_core() -> None:
+def test_an_ordered_goto_is_driven_and_watched_by_the_core() -> None:
     bench = with_stranger()
     order(bench, NEAR)
     assert bench.core.is_commanding
@@ -550,7 +550,7 @@ def test_a_goto_is_driven_and_watched_by_the_core() -> None:
     assert reports(bench) == ""
 
 
-def test_it_replaces_the_goto_under_way() -> None:
+def test_an_order_replaces_the_goto_under_way() -> None:
     bench = with_stranger()
     call = drive_off(bench)
     order(bench, NEAR)
@@ -594,7 +594,7 @@ def test_after_an_emergency_shutdown_a_start_configuration_comes_first() -> None
     assert distance(bench) < 50
 
 
-def test_what_fails_is_told() -> None:
+def test_a_failed_order_is_reported() -> None:
     bench = match_under_way()
     bench.attach("stranger", Peer(Dictionary.load(ROOT / "docs" / "io.eds", 9)))
     bench.run(61.0)

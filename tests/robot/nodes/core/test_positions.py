@@ -58,7 +58,7 @@ def test_positions_are_asked_for_every_600_ms_at_their_offsets_over_a_whole_matc
         (2, 1, set(OFFSETS)),
     ],
 )
-def test_only_those_who_are_there_are_asked_for(
+def test_only_robots_that_take_part_are_asked_for(
     alone: Bench, enemies: int, confederates: int, asked: set[type[Message]]
 ) -> None:
     alone.core.configure_start(TeamColour.RED, enemies, confederates)
