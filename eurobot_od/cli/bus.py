@@ -34,7 +34,7 @@ from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.standard import LssState
 from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.plugin import Plugins
-from eurobot_od.support.progress import SHORT, Unit, bar
+from eurobot_od.support.progress import Unit, bar
 from eurobot_od.support.texts import columns, one_line
 
 
@@ -427,7 +427,7 @@ def lss(
     steps = _find(identity, alone, known) if action == "find" else _set(identity, alone, wanted)
     with Master(bus.open(), timeout) as master:
         try:
-            with bar(f"lss {action}", unit=REQUESTS, after=SHORT) as progress:
+            with bar(f"lss {action}", unit=REQUESTS, late=True) as progress:
                 lines = perform(master, steps, timeout, progress)
         finally:
             # A device left in the configuration state would execute commands for other devices.

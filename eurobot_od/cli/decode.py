@@ -90,7 +90,7 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             # A pipe may be a live bus, so the output is flushed before each read.
             yield io.BufferedReader(Watched(file, lambda _: sys.stdout.flush()), CHUNK)
         elif is_watched and sys.stderr.isatty():
-            draw = stack.enter_context(progress.bar(log, after=progress.SHORT))
+            draw = stack.enter_context(progress.bar(log, late=True))
             yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:
             yield io.BufferedReader(

@@ -20,7 +20,7 @@ from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
 from eurobot_od.support.files import write_whole
-from eurobot_od.support.progress import OBJECTS, SHORT, bar
+from eurobot_od.support.progress import OBJECTS, bar
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
@@ -308,7 +308,7 @@ def _live(bus: BusOptions, file: str, node_id: int) -> list[EdsDifference]:
     from eurobot_od.client.master import Master  # two files are compared without a bus
     from eurobot_od.od.dictionary import Dictionary
 
-    with Master(bus.open()) as master, bar(f"node {node_id}", unit=OBJECTS, after=SHORT) as progress:
+    with Master(bus.open()) as master, bar(f"node {node_id}", unit=OBJECTS, late=True) as progress:
         dictionary = Dictionary.load(file, node_id)
         master.follow(dictionary)
         return differences(master.node(node_id), dictionary, progress)

@@ -36,7 +36,7 @@ from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, MOST_SUBS, NOT_VALID, 
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
 from eurobot_od.support.files import read_whole, write_whole
-from eurobot_od.support.progress import OBJECTS, SHORT, bar, passing
+from eurobot_od.support.progress import OBJECTS, bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def dump(
 
 
 def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_rate: int) -> ExitStatus:
-    with bar(f"node {node.node_id}", unit=OBJECTS, after=SHORT) as draw:
+    with bar(f"node {node.node_id}", unit=OBJECTS, late=True) as draw:
         found = configuring.dcf_of_node(node, dictionary, bit_rate // 1000, output.stem, draw)
     write_dcf(output, found.dcf)
     complain_of_process_data(found.process_data)

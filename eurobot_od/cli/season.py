@@ -146,7 +146,7 @@ def query(
     opened = Season.open(season)
     question = ready.sql if ready else sql
     try:
-        with bar(str(season), unit=progress.PERCENT, after=progress.SHORT) as draw:
+        with bar(str(season), unit=progress.PERCENT, late=True) as draw:
 
             def ask(sql: str) -> pl.DataFrame:
                 return opened.sql(sql, {"bitrate": bitrate}, lambda done: draw(done, 100), at_most)

@@ -57,7 +57,7 @@ REDRAWN = 0.1
 """Time between two drawings, in s."""
 
 SHORT = 2.0
-"""Time after which the bar also shows the time left, in s."""
+"""Time after which a bar shows the time left, and a late one is drawn, in s."""
 
 LONG = 10.0
 """Without a terminal: shortest expected time that is announced, and time between two lines, in s."""
@@ -86,9 +86,9 @@ def bar(
     stream: TextIO | None = None,
     clock: Callable[[], float] = time.monotonic,
     unit: Unit = BYTES,
-    after: float = 0.0,
+    late: bool = False,
 ) -> Iterator[Progress]:
-    """Yield a `Progress` that draws a bar once `after` s have passed; the bar is erased at the end.
+    """Yield a `Progress` that draws a bar, if `late` once `SHORT` s have passed; the bar is erased at the end.
 
     Without a terminal nothing is drawn.
     """
@@ -102,7 +102,7 @@ def bar(
     def draw(done: int, size: int | None) -> None:
         nonlocal drawn, width
         now = clock()
-        if now - started < after or (width and now - drawn < REDRAWN and done != size):
+        if (late and now - started < SHORT) or (width and now - drawn < REDRAWN and done != size):
             return
         drawn = now
         # One column stays free: writing the last one may begin a new line.
@@ -144,7 +144,7 @@ Thing = TypeVar("Thing")
 @contextmanager
 def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
     """Yield an iterator over `things` that draws a bar for `what` if the loop takes long."""
-    with bar(what, unit=OBJECTS, after=SHORT) as draw:
+    with bar(what, unit=OBJECTS, late=True) as draw:
         # As a context manager, `passing` erases the bar before an error is printed.
         yield reporting(list(things), draw)
 

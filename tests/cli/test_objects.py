@@ -66,8 +66,7 @@ def test_a_terminal_sees_how_far_it_is_with_the_objects(
     lift: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Terminal()
-    for module in ("support.progress", "cli.lint"):  # the command's has it from its import on
-        monkeypatch.setattr(f"eurobot_od.{module}.SHORT", 0.0)
+    monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
     main([*(word.format(folder=tmp_path) for word in words), "-i", "virtual", "-c", lift])
     drawn, *_, wiped = terminal.getvalue().split("\r")[1:-1]

@@ -40,11 +40,11 @@ def test_a_bar_of_percent_shows_its_rate() -> None:
 
 def test_no_bar_is_drawn_before_the_delay() -> None:
     terminal, now = Terminal(), [0.0]
-    with bar("x", terminal, lambda: now[0], after=1.0) as progress:
-        now[0] = 0.9
+    with bar("x", terminal, lambda: now[0], late=True) as progress:
+        now[0] = 1.9
         progress(50, 100)
         before = terminal.getvalue()
-        now[0] = 1.0
+        now[0] = 2.0
         progress(75, 100)
         after = terminal.getvalue()
     assert (before, "75 of 100 bytes" in after) == ("", True)
