@@ -36,12 +36,12 @@ CHECKED = "check --conformance --eds 5=motor.eds --simulate --fault heartbeat-ev
 COLOURS = {
     r"^\$.*": "bold",
     r"\d+\.\d+\.\d+\S* [A-Z].*(?= \[)": "bold red",
-    r"came .*|\d+ FAILED": "red",
     r"expected .*": "green",
+    r"came .*|\d+ FAILED": "red",
     r"> \w+#\w+": "cyan",
     r"< \w+#\w+": "green",
 }
-"""Colours of the words in its picture."""
+"""Colours of the words in its picture; later ones count."""
 
 WIDTH, HEIGHT = 150, 36
 STEP_WIDTH = 132
