@@ -8,7 +8,9 @@ import test
 from environment import ONCE_MORE, SUITE
 from steps import Step, python, run
 
-PAGE = ("-m", "long", "tests/web", "tests/robot/web")
+PAGE = ("-m", "long", "tests/web", "tests/robot/web", "--ignore-glob=*/test_axe.py")
+"""The tests in a browser, without axe-core's look at each view and width, which the nightly takes."""
+
 STEPS = (
     Step("other programs", python("tools/interop.py", "--install")),  # tshark, a browser, ...: kept for what follows
     *test.STEPS,

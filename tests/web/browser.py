@@ -115,7 +115,11 @@ class Page:
 
     def click(self, selector: str) -> None:
         """Click the middle of an element as a person does: once it is seen and stands still; whatever lies upon it."""
-        place = self.run(f"""new Promise(done => {{
+        self.release(self.hold(selector))
+
+    def hold(self, selector: str) -> dict[str, float]:
+        """Press the mouse's button as `click` does, and return the place for `release`."""
+        place: dict[str, float] = self.run(f"""new Promise(done => {{
             const found = document.querySelector({json.dumps(selector)});
             const middle = () => {{
                 found.scrollIntoView({{block: "center"}});
@@ -129,8 +133,12 @@ class Page:
             }}, 150);
             look(middle());
         }})""")
-        for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **place)
+        self.call("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **place)
+        return place
+
+    def release(self, place: dict[str, float]) -> None:
+        """Release the mouse's button at a place."""
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **place)
 
     def place(self, selector: str, along: float = 0.5) -> dict[str, float]:
         """Scroll to an element, and return a place in its middle, or elsewhere along its width."""
@@ -145,15 +153,14 @@ class Page:
         """Drag an element with the mouse to a place along the width of another one."""
         self.call("Input.setInterceptDrags", enabled=True)
         self._dragged = None
-        place = self.place(selector)
-        self.call("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **place)
+        place = self.hold(selector)
         for step in (4, 8, 12):
             moved = {**place, "x": place["x"] + step}
             self.call("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **moved)
         self.wait("true")  # the browser says what is dragged when it is asked something else
         assert self._dragged is not None, f"{selector} is not dragged"
         self.drop(self._dragged, to, along)
-        self.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", **self.place(to, along))
+        self.release(self.place(to, along))
         self.call("Input.setInterceptDrags", enabled=False)
 
     def drop(self, data: dict[str, Any], to: str, along: float = 0.5) -> None:
@@ -190,14 +197,27 @@ class Browser:
         self._loop, self._http, self._address = loop, http, address
 
     def page(self) -> Page:
-        """Open a new window."""
+        """Open a window with a storage of its own, so that nothing of it depends on the tests before."""
+        return Page(self._loop, self._loop.run_until_complete(self._opened()))
 
-        async def opened() -> aiohttp.ClientWebSocketResponse:
-            async with self._http.put(f"{self._address}/json/new?about:blank") as answer:
-                target = await answer.json()
-            return await self._http.ws_connect(target["webSocketDebuggerUrl"], max_msg_size=0)
+    async def _opened(self) -> aiohttp.ClientWebSocketResponse:
+        async with self._http.get(f"{self._address}/json/version") as answer:
+            whole = (await answer.json())["webSocketDebuggerUrl"]
+        async with self._http.ws_connect(whole) as socket:
+            context = await _answer(socket, "Target.createBrowserContext")
+            target = await _answer(socket, "Target.createTarget", url="about:blank", **context)
+        of_page = f"{self._address}/devtools/page/{target['targetId']}"
+        return await self._http.ws_connect(of_page, max_msg_size=0)
 
-        return Page(self._loop, self._loop.run_until_complete(opened()))
+
+async def _answer(socket: aiohttp.ClientWebSocketResponse, method: str, **parameters: Any) -> dict[str, Any]:
+    """Call a method of the whole browser and return its result."""
+    await socket.send_json({"id": 1, "method": method, "params": parameters})
+    while True:
+        said: dict[str, Any] = await socket.receive_json(timeout=PATIENCE)
+        if said.get("id") == 1:
+            found: dict[str, Any] = said["result"]
+            return found
 
 
 @contextmanager

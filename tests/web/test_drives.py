@@ -169,16 +169,13 @@ def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Pa
     with bench(tmp_path) as scene:
         scene.drive_to("enable")
         open_drives(window, scene.served)
-        window.run("document.querySelector('.jog button:nth-of-type(2)').scrollIntoView({block: 'center'})")
-        place = window.run("""(box => ({x: box.x + box.width / 2, y: box.y + box.height / 2}))(
-            document.querySelector('.jog button:nth-of-type(2)').getBoundingClientRect())""")
-        window.call("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **place)
+        place = window.hold(".jog button:nth-of-type(2)")
         until(lambda: scene.velocity > 0)
         window.run(f"new Promise(done => setTimeout(done, {2000 * HELD}))")
         assert scene.velocity > 0, "it is said again and again that the button is held"
         window.wait("sources[0].frames.length > 0")
         window.wait("document.querySelectorAll('.drive .chart canvas').length === 2")
-        window.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **place)
+        window.release(place)
         until(lambda: abs(scene.velocity) < 0.001)
         assert scene.state is State.ENABLED, "halted, not switched off"
 
