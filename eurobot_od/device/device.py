@@ -7,7 +7,7 @@
 | `pdo_service.PdoService` | PDOs: 7.2.2 |
 | `pdo_service.SyncAndTime` | SYNC, TIME: 7.2.5, 7.2.6 |
 | `broadcasts.Emergencies` | EMCY: 7.2.7 |
-| `storage.Storage` | stored values: 7.5.2.13, 7.5.2.14 |
+| `Storage` | stored values: 7.5.2.13, 7.5.2.14 |
 | `SdoService` | SDO: 7.2.4 |
 | `lss.LssSlave` | LSS: CiA 305 |
 
@@ -24,13 +24,23 @@ from math import inf
 from eurobot_od.controller import Stay
 from eurobot_od.device import broadcasts, nmt
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.lss import LssSlave
+from eurobot_od.device.broadcasts import Emergencies
+from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.nmt import ErrorControl, NmtCommand, NmtState, NmtStates
-from eurobot_od.device.objects import Objects, OnRead, OnWrite, Store, predefined, unrestricted
+from eurobot_od.device.objects import (
+    COMMUNICATION_PROFILE,
+    Objects,
+    OnRead,
+    OnWrite,
+    Store,
+    predefined,
+    refused,
+    unrestricted,
+)
 from eurobot_od.device.pdo_service import PdoService, SyncAndTime
 from eurobot_od.device.reaction import FrameHandler, Reaction
-from eurobot_od.device.storage import Storage
 from eurobot_od.device.timers import Plan
+from eurobot_od.errors import DamagedFile, DictionaryError
 from eurobot_od.frame import Frame
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
@@ -43,6 +53,72 @@ from eurobot_od.pdo.kinds import NOTHING, Catalogue, Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, Reason
+
+
+class Storage:
+    """Values that a device keeps over power-off in its `store`; without one, until the program ends.
+
+    `values` are the usable stored ones. `refused` has a sentence for each of the others, until the device stores again.
+    """
+
+    def __init__(self, dictionary: Dictionary, store: Store | None, lss: LssSlave | None) -> None:
+        self._own = dictionary.device.node_id_address
+        self._store = store
+        self._lss = lss
+        if lss:
+            lss.store = self._store_commissioning
+        self.refused: tuple[str, ...] = ()
+        values: dict[Address, Value] = {}
+        try:
+            values |= store.load() if store else {}
+        except DamagedFile as error:
+            self.refused = (f"{error}; the defaults are taken",)
+        # One by one, so that a narrower range in a newer file affects only one value.
+        wrong = dict(refused(dictionary, values))
+        self.refused += tuple(f"stored value refused: {what}" for what in wrong.values())
+        self.values = {address: value for address, value in values.items() if address not in wrong}
+
+    def after(self, command: NmtCommand, objects: Objects) -> dict[Address, Value]:
+        """Return the values after a reset: the stored ones, with a new node-ID in effect (CiA 301, 7.3.2.2.3)."""
+        values = dict(self.values)
+        if command is NmtCommand.RESET_COMMUNICATION:
+            # Only 0x1000 to 0x1FFF are restored; the application's parameters are kept.
+            values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
+            values |= {a: v for a, v in objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
+        if self._own:
+            values[self._own] = objects.value(self._own)
+        return values
+
+    def write(
+        self, objects: Objects, emergencies: Emergencies, node_id: int, address: Address, signature: Value
+    ) -> None:
+        """Write 0x1010 or 0x1011: store the present values, or restore the file's at the next reset."""
+        # The signature prevents accidental writes.
+        if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
+            raise Abort(Reason.SIGNATURE)
+        values = objects.configuration() if address[0] == standard.STORE else {}
+        try:
+            if self._store and self._lss:
+                self._store.save(values, *self._lss.stored)
+            elif self._store:
+                self._store.save(values, objects.number(self._own) if self._own else node_id)
+        except (OSError, DictionaryError) as error:
+            raise Abort(Reason.NOT_STORED, str(error)) from error
+        # The refused values were overwritten.
+        self.values = values
+        self.refused = ()
+        emergencies.cleared(Store)
+        if self._own and address[0] == standard.RESTORE:
+            objects.values.pop(self._own, None)  # a reset keeps the present node-ID
+
+    def _store_commissioning(self, commissioning: Commissioning) -> bool:
+        """Store node-ID and bit rate with the stored values; return whether that succeeded."""
+        try:
+            if self._store:
+                self._store.save(self.values, *commissioning)
+        except (OSError, DictionaryError):
+            return False
+        return True
 
 
 class SdoService(SdoServer):

@@ -22,13 +22,19 @@ from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import TrackingDecoder
-from eurobot_od.traffic.diagnosis.deadlines import DeadlineWatcher
 from eurobot_od.traffic.diagnosis.drives import DriveWatcher
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, ObservedBus, Occurrences, SeenAt, Take, Watcher
 from eurobot_od.traffic.diagnosis.load import BusLoad
 from eurobot_od.traffic.diagnosis.modules import ModuleWatcher
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
-from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, StreamWatcher, SyncWatcher, TimeWatcher
+from eurobot_od.traffic.diagnosis.pdos import (
+    AnswerWatcher,
+    DeadlineWatcher,
+    PdoWatcher,
+    StreamWatcher,
+    SyncWatcher,
+    TimeWatcher,
+)
 from eurobot_od.traffic.diagnosis.questions import Questions
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher

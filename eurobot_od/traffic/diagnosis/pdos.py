@@ -1,4 +1,7 @@
-"""Watches PDOs, SYNC and TIME: their times, senders and mappings (CiA 301, 7.2.2, 7.2.5, 7.2.6)."""
+"""Watches PDOs, SYNC and TIME: their times, senders and mappings (CiA 301, 7.2.2, 7.2.5, 7.2.6).
+
+`DeadlineWatcher` watches those that their receivers expect in time, by event timer or emergency (7.5.2.35).
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,14 @@ from functools import cached_property, partial
 from itertools import combinations, pairwise
 from math import inf
 from statistics import fmean, median
+from typing import NamedTuple
 
 from eurobot_od.client.watch import LATE_AFTER
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.od import values
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import SYNC, SYNC_PERIOD, SYNC_PRODUCER
+from eurobot_od.od.standard import SYNC, SYNC_PERIOD, SYNC_PRODUCER, ErrorCode
 from eurobot_od.od.values import COB_ID, COMMUNICATION_RECORDS, DAY, NODE_IDS, NOT_VALID, PdoDirection
 from eurobot_od.od.values import identifier as identifier_of
 from eurobot_od.pdo.binding import Binding
@@ -23,8 +28,8 @@ from eurobot_od.traffic.diagnosis.incidents import ObservedBus, ObservedNode, Oc
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.series import SAME, WINDOW, two_series
 from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, PeriodicMessage
-from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.services import SYNC_NAME, TIME_NAME
+from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.services import EMCY_NAME, SYNC_NAME, TIME_NAME
 from eurobot_od.traffic.statistics import SeenTraffic
 
 INHIBITED, STAMP = 0.9, 0.0005
@@ -584,3 +589,69 @@ class TimeWatcher(Watcher):
     def gap(self, time: float) -> None:
         self._last = None
         self._intervals.clear()
+
+
+RPDO_BASES = values.DEFAULT_PDO_BASES[PdoDirection.RPDO]
+"""COB-IDs of the first RPDOs, without the node-ID (CiA 301, 7.3.3)."""
+
+
+class Deadline(NamedTuple):
+    """An RPDO with an event timer: its receiver, its name, and the timer in s."""
+
+    receiver: ObservedNode
+    name: str
+    timer: float
+
+
+class DeadlineWatcher(Watcher):
+    """Watches PDOs with a deadline; `streams` has the time of the last frame of each."""
+
+    SERVICES = (EMCY_NAME,)
+
+    def __init__(self, bus: ObservedBus, streams: StreamWatcher) -> None:
+        super().__init__(bus)
+        self._streams = streams
+        self._decoder: Decoder | None = None
+        self._expected: dict[int, Deadline] = {}
+        self._late: set[int] = set()
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        said = meaning.fields
+        if said.get("code") != ErrorCode.PDO_MISSING:
+            return
+        node = self.bus.node(said["node"])
+        for cob_id, name, last, period in self._streams.silent(time):
+            if cob_id in self._identifiers(node):
+                text = f"{name} is not refreshed: it came every {brief(period)} (observed), and last at {last:.3f} s"
+                self._report(cob_id, node, text)
+
+    def _identifiers(self, node: ObservedNode) -> set[int]:
+        """Return the COB-IDs of a node's RPDOs from its file, or else the predefined ones."""
+        bindings = self.bus.decoder.protocol.bindings
+        known = {each.cob_id for each in bindings if node.name in each.receivers}
+        return known or {base + node.node_id for base in RPDO_BASES}
+
+    def _report(self, cob_id: int, node: ObservedNode, text: str) -> None:
+        if cob_id not in self._late:
+            self._late.add(cob_id)
+            self.bus.found(BusRule.PDO_DEADLINE, node.name, text, cob_id)
+
+    def tick(self, time: float) -> None:
+        if self._decoder is not self.bus.decoder:
+            self._decoder = self.bus.decoder
+            self._expected = dict(self._timers())
+        for cob_id, (receiver, name, timer) in self._expected.items():
+            last = self._streams.last(cob_id)
+            if last is None or time - last < max(LATE_AFTER * timer, LEAST_SILENCE):
+                self._late.discard(cob_id)
+            elif receiver.is_operational and self.bus.commanded < last:
+                text = f"{name} (0x{identifier_text(cob_id)}) is not refreshed: event timer {brief(timer)}"
+                self._report(cob_id, receiver, f"{text}, last at {last:.3f} s")
+
+    def _timers(self) -> Iterator[tuple[int, Deadline]]:
+        """Yield the RPDOs with an event timer by COB-ID."""
+        for device in (*self.bus.decoder.dictionaries, *self.bus.decoder.learned):
+            for pdo in device.read_pdos(device.default, lambda _: None, listening=True):
+                if pdo.direction is PdoDirection.RPDO and pdo.valid and pdo.event_timer:
+                    node = self.bus.node(device.node_id)
+                    yield pdo.cob_id, Deadline(node, f"{node.name}.{pdo.key}", pdo.event_timer / 1000)

@@ -19,7 +19,7 @@ from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.nodes.core.calls import LEAVING
+from eurobot_od.robot.nodes.core.settings import LEAVING
 from eurobot_od.robot.nodes.node import Component, Loss
 from tests.robot.nodes.harness import RED
 

@@ -26,7 +26,6 @@ from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, Route, Source, TeamColour
 from eurobot_od.robot.nodes.core import flows
-from eurobot_od.robot.nodes.core.calls import LEAVING
 from eurobot_od.robot.nodes.core.distrust import Distrust
 from eurobot_od.robot.nodes.core.equipment import Lookout, Tasks
 from eurobot_od.robot.nodes.core.flows import GotoReport, Standstill
@@ -35,7 +34,7 @@ from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
 from eurobot_od.robot.nodes.core.positions import Positions
 from eurobot_od.robot.nodes.core.resumption import Resumption
-from eurobot_od.robot.nodes.core.settings import CoreSettings, Readiness
+from eurobot_od.robot.nodes.core.settings import LEAVING, CoreSettings, Readiness
 from eurobot_od.robot.nodes.core.startup import Startup
 from eurobot_od.robot.nodes.core.stops import Stops
 from eurobot_od.robot.nodes.estimate import Seen, Sighting

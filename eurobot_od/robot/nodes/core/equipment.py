@@ -13,9 +13,8 @@ from eurobot_od.device.timers import START, Call, Pause, Script, Timer
 from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome
-from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings, SingleFlow
 from eurobot_od.robot.nodes.core.stops import Stops
 from eurobot_od.robot.nodes.node import Approach, Detection
 

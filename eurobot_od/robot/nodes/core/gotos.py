@@ -16,13 +16,12 @@ from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.agreement import SdoClientParameter, number_in
-from eurobot_od.robot.nodes.core.calls import LEAVING
 from eurobot_od.robot.nodes.core.distrust import Distrust, GotoConfirms
 from eurobot_od.robot.nodes.core.equipment import Lookout
 from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.nodes.core.match_clock import MatchClock
 from eurobot_od.robot.nodes.core.resumption import Resumption
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import LEAVING, CoreSettings
 from eurobot_od.robot.nodes.core.startup import Startup
 from eurobot_od.robot.nodes.core.stops import GotoEnded, Stops
 from eurobot_od.robot.nodes.node import DEVIATION, UNKNOWN

@@ -14,9 +14,8 @@ from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.nodes.core import flows
 from eurobot_od.robot.nodes.core.agreement import NodeMismatch, SdoClientParameter
-from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.match_clock import MATCH_OVER, MatchClock
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings, SingleFlow
 from eurobot_od.robot.nodes.core.stops import Stops
 from eurobot_od.robot.nodes.node import Loss
 

@@ -8,8 +8,7 @@ from math import inf
 from eurobot_od.device.timers import START, Script, Timer
 from eurobot_od.errors import StateError
 from eurobot_od.robot.nodes.core import flows
-from eurobot_od.robot.nodes.core.calls import SingleFlow
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings, SingleFlow
 from eurobot_od.robot.nodes.node import TIME_LEFT, milliseconds_until
 
 MATCH_OVER = "the match is over"

@@ -11,11 +11,10 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.nodes.core import flows
-from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.match_clock import MatchClock
 from eurobot_od.robot.nodes.core.positions import Positions
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings, SingleFlow
 from eurobot_od.robot.nodes.core.startup import Startup
 from eurobot_od.robot.nodes.core.stops import Stops
 

@@ -13,11 +13,10 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import flows
-from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.distrust import Distrust
 from eurobot_od.robot.nodes.core.losses import Losses
 from eurobot_od.robot.nodes.core.positions import Positions
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings, SingleFlow
 from eurobot_od.robot.nodes.core.stops import Stops
 from eurobot_od.robot.nodes.node import KEEP_PLACE, KeepPlace
 

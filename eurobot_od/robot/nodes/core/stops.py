@@ -20,9 +20,8 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome, RobotError
 from eurobot_od.robot.nodes.core import flows
-from eurobot_od.robot.nodes.core.calls import SingleFlow
 from eurobot_od.robot.nodes.core.flows import GotoReport, Standstill
-from eurobot_od.robot.nodes.core.settings import CoreSettings
+from eurobot_od.robot.nodes.core.settings import CoreSettings, SingleFlow
 
 
 class GotoEnded(Exception):
