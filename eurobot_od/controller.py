@@ -468,7 +468,13 @@ class Controller:
     ) -> MessageQueue[MessageT]:
         """Return a queue that gets every message of a type, or all messages (None); see MessageQueue.
 
-        Raises UnknownName for an unknown type.
+        Args:
+            message_type: the message's class; None: all messages
+            maxsize: maximum number of unread messages; the oldest make room. 0: no limit
+            name: name of the queue in reports
+
+        Raises:
+            UnknownName: no message has this type
         """
         message = self._name(message_type)
         queue = MessageQueue[MessageT](name or f"queue of {message}", maxsize, self.report)
@@ -480,8 +486,15 @@ class Controller:
     ) -> None:
         """Register a function that is called with the messages of a type, or all messages (None), and their timestamps.
 
-        Functions are called one after the other; for one message, in the order of their registration. `name` is for
-        reports. Raises UnknownName for an unknown type.
+        Functions are called one after the other; for one message, in the order of their registration.
+
+        Args:
+            message_type: the message's class; None: all messages
+            function: called with the message and the time in s at which it was received
+            name: name of the function in reports; default: its own
+
+        Raises:
+            UnknownName: no message has this type
         """
         self._add_function(ListenerKind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
 
@@ -490,7 +503,10 @@ class Controller:
     ) -> None:
         """Register a function that is called with frames and their timestamps, including frames that are too short.
 
-        `cob_ids` is called at the start, and whenever the protocol has changed.
+        Args:
+            cob_ids: returns the identifiers; called at the start, and whenever the protocol has changed
+            function: called with the frame and the time in s at which it was received
+            name: name of the function in reports; default: its own
         """
         self._add_function(ListenerKind.FRAME_FUNCTION, cob_ids, function, name)
 

@@ -468,11 +468,20 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
         return cls(ThreadedMaster(open_feed(), answer_wait))
 
     def add(self, node_id: int, file: DeviceFile = None, name: str = "") -> RemoteDevice:
-        """Add a device by its node-ID (1..127) and its EDS or DCF, and return it.
+        """Add a device by its node-ID and its EDS or DCF, and return it.
 
         Without a file, and with a `library`, the node is asked what it is (0x1018, 0x1000), and the file that fits is
-        taken; without one that fits, objects are numbers and bytes. Raises as `NetworkOfDevices.add`, and RemoteError,
-        BusError if the node that is asked does not answer.
+        taken; without one that fits, objects are numbers and bytes.
+
+        Args:
+            node_id: 1 to 127
+            file: an EDS or DCF, a `Dictionary`, or canopen's ObjectDictionary
+            name: name of the device; default: the file's
+
+        Raises:
+            DictionaryError: the file cannot be used
+            LocalError: node-ID or name is taken, or out of range
+            RemoteError, BusError: the node that is asked does not answer
         """
         return self.add_node(RemoteDevice(node_id, file or self._in_library(node_id, name), name))
 
@@ -511,8 +520,15 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
     ) -> Self:
         """Open the bus of a network that was created without one, with the arguments of canopen.
 
-        `bustype` is the name that `interface` had before python-can 4.2; `options` are those of python-can's interface,
-        such as `receive_own_messages`.
+        Args:
+            channel: the adapter or bus, such as `can0`
+            interface: name of python-can's interface, such as `socketcan`
+            bitrate: in bit/s
+            bustype: the name that `interface` had before python-can 4.2
+            options: options of the interface, such as `receive_own_messages`
+
+        Raises:
+            BusError: the bus cannot be opened
         """
         self._begin(ThreadedMaster(_feed(interface or bustype, channel, bitrate, **options)))
         return self
@@ -681,13 +697,18 @@ BOOT_TIME = 0.05
 def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: Any) -> Iterator[SimulatedNetwork]:
     """Return a network in simulated time, as a context manager, with devices that run from their EDS or DCF files.
 
-    A file without a node-ID of its own gets `node_id`, and further ones the numbers after it. `options` are those of
-    SimulatedDevice: `given` values by name, `waveforms`. It is made for tests: nothing waits in real time.
+    It is made for tests: nothing waits in real time.
 
         with simulated("motor.eds", node_id=5) as network:
             assert network[5]["Temperature"].value == 20.0
 
-    Raises DictionaryError.
+    Args:
+        devices: EDS or DCF files, or devices that were made
+        node_id: node-ID of the first file without its own; further ones get the numbers after it
+        options: options of SimulatedDevice: `given` values by name, `waveforms`
+
+    Raises:
+        DictionaryError: a file cannot be used
     """
     with SimulatedNetwork() as network:
         for number, device in enumerate(devices):

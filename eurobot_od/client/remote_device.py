@@ -407,14 +407,22 @@ class DeviceAtNode:
     ) -> Configured:
         """Configure the node from a DCF: write the differences, read back, store, reset, verify.
 
-        The DCF may be that of another node of the same kind: what follows the node-ID moves along. `cob_ids` says
-        whether COB-IDs that somebody chose are kept (`keep`) or moved by the distance of the node-IDs (`move`); without
-        it they are an error.
-        Returns how many objects were changed, and whether they are stored and were verified after the reset. Without
-        `store` they last until the next reset; without `reset` they are not verified after one. Raises DictionaryError
-        for a file that is damaged or for another device, before anything is written; ConfigurationError if the node did
-        not take all of it, or if the wait is cancelled: it then has its former values again, or `written` and `left`
-        say which objects have changed and which have not.
+        The DCF may be that of another node of the same kind: what follows the node-ID moves along.
+
+        Args:
+            file: the DCF
+            store: have the node store the values; otherwise they last until its next reset
+            reset: reset the node and verify what it has stored
+            cob_ids: what becomes of COB-IDs that somebody chose, in the DCF of another node: `keep`, or `move` by the
+                distance of the node-IDs; None: they are an error
+
+        Returns:
+            How many objects were changed, and whether they are stored and were verified after the reset.
+
+        Raises:
+            DictionaryError: the file is damaged or for another device; nothing was written
+            ConfigurationError: the node did not take all of it, or the wait was cancelled; it has its former values
+                again, or `written` and `left` say which objects have changed and which have not
         """
         plan = await self._plan(file, cob_ids)
         done = Configured(0, False)
@@ -426,7 +434,15 @@ class DeviceAtNode:
         return done
 
     async def _difference(self, file: str | Path, *, cob_ids: CobIdChoice = None) -> ChangePlan:
-        """Return what `configure` would write, without writing; raises DictionaryError."""
+        """Return what `configure` would write, without writing.
+
+        Args:
+            file: the DCF
+            cob_ids: as in `configure`
+
+        Raises:
+            DictionaryError: as `configure`
+        """
         return await self._plan(file, cob_ids)
 
     async def _plan(self, file: str | Path, cob_ids: CobIdChoice) -> ChangePlan:
@@ -451,9 +467,16 @@ class DeviceAtNode:
     async def _program(
         self, content: bytes, number: int = 1, check_crc: bool = True, progress: Progress = unwatched
     ) -> Loaded:
-        """Download a program, verify and start it (CiA 302-3); `number` is 1..254, `progress` gets bytes so far.
+        """Download a program, verify and start it (CiA 302-3).
 
-        Raises ProgramError with the state in which the node was left, and how to go on.
+        Args:
+            content: the program
+            number: number of the program, 1 to 254
+            check_crc: compare the device's CRC (0x1F56) with that of the content
+            progress: called with the number of bytes so far, and of all
+
+        Raises:
+            ProgramError: a step failed; the text says in which state the node was left, and how to go on
         """
         return await program.load.steps(self._node, content, number, check_crc, progress, self.dictionary)
 

@@ -271,11 +271,21 @@ class Node(NodeHooks):
             self.withheld += 1
 
     def at(self, time: float, action: TimerAction) -> Timer:
-        """Call `action` at a time."""
+        """Plan a call, and return the timer, which can be cancelled.
+
+        Args:
+            time: when, in s by the clock of `now`
+            action: called with the time at which it was due
+        """
         return self._timers.at(time, action)
 
     def raise_error(self, code: int, what: Hashable) -> None:
-        """Report an error by EMCY, once."""
+        """Report an error by EMCY, once until `clear_error`.
+
+        Args:
+            code: emergency error code (CiA 301, 7.2.7.1)
+            what: identifies the error for `clear_error`
+        """
         self.device.emergencies.raised(code, what)
 
     def clear_error(self, what: Hashable) -> None:

@@ -73,7 +73,16 @@ class SimulatedDevice(Node):
 
     @classmethod
     def load(cls, file: str | Path, node_id: int | None = None, **options: Any) -> Self:
-        """Return a device from an EDS or DCF; `options` are those of the class. Raises DictionaryError."""
+        """Return a device from an EDS or DCF.
+
+        Args:
+            file: the EDS or DCF
+            node_id: node-ID; default: that of the DCF
+            options: arguments of the class, such as `given` and `waveforms`
+
+        Raises:
+            DictionaryError: the file cannot be used
+        """
         return cls(Dictionary.load(file, node_id), **options)
 
     @property

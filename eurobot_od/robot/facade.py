@@ -53,13 +53,23 @@ class Robot:
         robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
-    `robot` is a team's own, by name or folder (see `loading.find`); its messages go by `send`, `ask`, `hear` and `on`.
-    `settings` are numbers in place of those that the core's file has, such as `{"Goto handshake.Transmissions": 3}`.
-    `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
-    What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
-    block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is
-    closed; NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError, DictionaryError,
-    UnknownName.
+    However the block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand
+    before the bus is closed; NotStanding if it was not. A bus that is lost meanwhile is opened again.
+
+    Args:
+        interface: name of python-can's interface; default: that of python-can's configuration, else the in-process bus
+        channel: the adapter or bus; default: as `interface`
+        bitrate: in bit/s; default: as `interface`
+        dialect: name or folder of the EDS files; default: as for the commands
+        sensor: the robot's distance sensor, which the core reads while it drives
+        actuators: what the robot does tasks with
+        robot: a team's own, by name or folder (see `loading.find`); its messages go by `send`, `ask`, `hear` and `on`
+        settings: numbers in place of those of the core's file, such as `{"Goto handshake.Transmissions": 3}`
+
+    Raises:
+        BusError: the bus cannot be opened
+        DictionaryError: the EDS files cannot be used
+        UnknownName: there is no such robot, dialect or setting
     """
 
     def __init__(

@@ -167,12 +167,18 @@ def with_defects(meaning: Meaning) -> str:
 class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
 
-    `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
-    name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
-    `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
-    messages that may be the same still. `describe` finds a file for a node that shows its identity; `left` are
-    identifiers that PDOs have left, by node-ID and identifier. `frames` returns what a device is known to send outside
-    CANopen; a message of `others` counts more.
+    Args:
+        dictionaries: the devices' files
+        catalogue: classes of messages
+        refused: called with each PDO that cannot be used
+        errors: words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes
+        master: name of the network's master
+        learned: what the bus has shown of devices without files: where their PDOs and services are
+        others: messages of other protocols, by COB-ID: names for what no device is known to send
+        former: messages that may be the same still
+        describe: finds a file for a node that shows its identity
+        left: identifiers that PDOs have left, by node-ID and identifier
+        frames: returns what a device is known to send outside CANopen; a message of `others` counts more
     """
 
     def __init__(

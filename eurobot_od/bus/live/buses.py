@@ -101,7 +101,14 @@ def open_bus(
 ) -> can.BusABC:
     """Open a python-can bus; omitted parameters come from python-can's configuration files and variables.
 
-    `options` are those of the interface, such as `fd`. Raises BusError in one line.
+    Args:
+        interface: name of python-can's interface, such as `socketcan`
+        channel: the adapter or bus, such as `can0`
+        bitrate: in bit/s; SocketCAN has that of the interface
+        options: options of the interface, such as `fd`
+
+    Raises:
+        BusError: the bus cannot be opened; the reason is one line
     """
     import can
     from can import util

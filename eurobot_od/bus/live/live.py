@@ -78,10 +78,16 @@ def _refuse(started: weakref.ref[Live]) -> None:
 class Live:
     """A controller, and a station with its node if there is one, running on a bus; a context manager.
 
-    `clock` returns the time in s for nodes and listeners. `foreign` is the number of received frames that are not
-    classic base data frames, `missed` the number of frames ignored because they came while the process stood still. A
-    bus that fails is reopened by `opener`; `gaps` has their number and length. `failure` is the reason for its end, or
-    None. All of these are also reported. The bus is shut down at the end.
+    `foreign` is the number of received frames that are not classic base data frames, `missed` the number of frames
+    ignored because they came while the process stood still. `gaps` has the number and length of the times without a
+    bus, `failure` the reason for its end, or None. All of these are also reported.
+
+    Args:
+        bus: the bus, which is shut down at the end
+        controller: listeners and queue
+        station: the node with its controller, None without a node
+        clock: returns the time in s for nodes and listeners
+        opener: opens a bus that fails again; None: it stays closed
     """
 
     def __init__(
@@ -125,7 +131,15 @@ class Live:
         opener: Opener | None = None,
         **options: Any,
     ) -> Live:
-        """Return a node ready to run on a bus; `options` are those of Station."""
+        """Return a node ready to run on a bus.
+
+        Args:
+            bus: as in `Live`
+            node: the node
+            clock: as in `Live`
+            opener: as in `Live`
+            options: options of `Station`, such as `report` and `on_error`
+        """
         from eurobot_od.device.station import OnError, Station  # a controller alone needs no nodes
 
         station = Station(node, **{"on_error": OnError.RESTART} | options)

@@ -198,9 +198,13 @@ class Simulation:
     def attach(
         self, node: Node, start: float = 0.0, processing: float = 0.0, on_error: OnError | None = None
     ) -> Station:
-        """Connect a node that is switched on at `start` and processes a frame `processing` after its arrival, in s.
+        """Connect a node, and return its station.
 
-        Without `on_error`, exceptions of the node's timers are raised; else they are in the `reports`.
+        Args:
+            node: the node
+            start: time at which it is switched on, in s
+            processing: time from the arrival of a frame until the node processes it, in s
+            on_error: reaction to an exception of the node, which is then in the `reports`; None: it is raised
         """
         station = Station(node, report=self.reports.append, clock=lambda: self.now, on_error=on_error, is_logged=False)
         station.controller.start()

@@ -321,9 +321,13 @@ SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
 class SimulatedDrive(ProfileDevice):
     """A drive of CiA 402, made from its EDS or DCF, with simulated motion.
 
-    `travel` has the positions of the limit switches, in turns of the motor from where it is switched on; default: no
-    switches. The simulation supports the objects that the file has of: state machine, option codes, profile position
-    and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
+    The simulation supports the objects that the file has of: state machine, option codes, profile position and
+    velocity, homing, cyclic synchronous position and velocity, following error and software limits.
+
+    Args:
+        dictionary: the drive's EDS or DCF
+        travel: positions of the limit switches, in turns of the motor from where it is switched on; None: no switches
+        options: arguments of SimulatedDevice
     """
 
     AXIS: ClassVar[type[DriveAxis]] = DriveAxis

@@ -382,10 +382,19 @@ def rehearse(
 ) -> Result:
     """Run a team's strategy in simulated time against simulated nodes, and return its result.
 
-    It also works in a notebook. The strategy starts when the nodes have booted. `log` is a file for all frames, in the
-    format of its suffix; `picture` is one for the drawing: .svg, .html or .png. Both are written even if the strategy
-    raises. Raises what the strategy raises, ProgramFailed if it hangs, FileError, OSError, LocalError for a suffix or
-    an option.
+    It also works in a notebook. The strategy starts when the nodes have booted; the files are written even if it
+    raises.
+
+    Args:
+        strategy: called with the core
+        options: options of the match
+        log: file for all frames, in the format of its suffix
+        picture: file for the drawing: .svg, .html or .png
+
+    Raises:
+        ProgramFailed: the strategy hangs
+        LocalError: a suffix or an option is wrong
+        FileError, OSError: a file cannot be read or written; also what the strategy raises
     """
     return apart(lambda: _rehearse(strategy, options, log, picture))
 

@@ -79,10 +79,16 @@ PUSHED_AWAY = 2.0
 
 
 class Drive(FollowingNode):
-    """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
+    """The drive node (document 2.1 to 2.3, 4.2.2).
 
     `goto` is the current or last goto, None after a stop. `stopped_by` is the last stop, with the obstacle as its
     reason. `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
+
+    Args:
+        dictionary: the drive's EDS
+        chassis: its wheels; default: ideal ones
+        store: keeps the settings over a restart
+        facts: the robot and its match; default: the file beside the EDS
     """
 
     limits = combined(

@@ -46,9 +46,15 @@ def _tell(position: messages.Position, node: Navigation, *_: Message) -> Message
 
 
 class Navigation(FollowingNode):
-    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors, None if it has none.
+    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation).
 
     After an Emergency Shutdown it still answers, as nothing in it moves.
+
+    Args:
+        dictionary: the navigation's EDS
+        beacons: its sensors, None if it has none
+        store: keeps the settings over a restart
+        facts: the robot and its match; default: the file beside the EDS
     """
 
     position_noise = setting("Noise.Position deviation")

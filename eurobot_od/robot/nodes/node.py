@@ -113,10 +113,18 @@ NODES: Mapping[str, Component] = {
 
 
 class RobotNode(Node):
-    """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
+    """A node of the robot.
 
     `FACTS` are the settings that come from facts: they replace the EDS's defaults, but not stored values or those of a
-    DCF. Raises DictionaryError for a fact that the setting cannot hold.
+    DCF.
+
+    Args:
+        dictionary: the node's EDS
+        store: keeps the settings over a restart
+        facts: the robot and its match; default: the file beside the EDS
+
+    Raises:
+        DictionaryError: the setting cannot hold a fact
     """
 
     CATALOGUE = messages.CATALOGUE

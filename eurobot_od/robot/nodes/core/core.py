@@ -73,6 +73,13 @@ class Core(CoreSettings):
 
     `observe` is called with each goto and each task, and its call, when it begins; `at_match_end` when a match is over
     and a stop has been sent; each of `told` with each text of the strategy.
+
+    Args:
+        dictionary: the core's EDS
+        sensor: the robot's distance sensor, None without one
+        actuators: what the robot does tasks with, None without them
+        store: keeps the settings over a restart
+        facts: the robot and its match; default: the file beside the EDS
     """
 
     def __init__(
@@ -175,13 +182,27 @@ class Core(CoreSettings):
         enemy_1_diameter: int = 0,
         enemy_2_diameter: int = 0,
     ) -> Call[float]:
-        """Set the start configuration; the result is the seconds until its confirm (document 2.3).
+        """Set the start configuration (document 2.3).
 
-        Diameters are in cm, 0..50, and 0 for an enemy that is not there. The confirms of drive and navigation have the
-        same identifier: one of them is enough, and both nodes are then checked once more. The drive starts over from
-        the team's start place, so a goto under way is stopped. Position polling starts after the `Start delay` setting.
-        Raises FieldError, NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the
-        confirm, or the core is being switched off.
+        The confirms of drive and navigation have the same identifier: one of them is enough, and both nodes are then
+        checked once more. The drive starts over from the team's start place, so a goto under way is stopped. Position
+        polling starts after the `Start delay` setting.
+
+        Args:
+            team_colour: our team
+            enemies: number of enemies, 0 to 2
+            confederates: number of confederates, 0 or 1
+            enemy_1_diameter: in cm, 0 to 50; 0 if it is not there
+            enemy_2_diameter: in cm, 0 to 50; 0 if it is not there
+
+        Returns:
+            The time until its confirm, in s.
+
+        Raises:
+            FieldError: a value is out of range; nothing was sent
+            NoAnswer: no node confirms it, or one does not answer its check
+            StateError: a newer start configuration or an Emergency Shutdown came before the confirm, or the core is
+                being switched off
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
@@ -228,18 +249,30 @@ class Core(CoreSettings):
         route: Route = Route.PLANNED,
         timeout: float | None = None,
     ) -> Call[GotoReport]:
-        """Send the drive to x, y (mm) and angle (degrees) at `speed` percent, and wait for the end (document 2.1).
+        """Send the drive to a place, and wait for the end (document 2.1).
 
-        It ends as TIMED_OUT at the latest `timeout` seconds after its first transmission (None: the setting
-        `Time-out`). A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
-        replaced, or was ended by the drive; also if the call is cancelled.
+        A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was replaced, or was
+        ended by the drive; also if the call is cancelled. If a node has been lost since the last goto, the drive is
+        stopped, and both nodes are checked and configured again first. That takes until they answer, at most all
+        attempts of the checks and the configuration.
 
-        If a node has been lost since the last goto, the drive is stopped, and both nodes are checked and configured
-        again first. That takes until they answer, at most all attempts of the checks and the configuration. Raises
-        FieldError before anything is sent; StateError before both nodes are checked and a start configuration is
-        confirmed, after an Emergency Shutdown, after the match, when the core is being switched off, and if the drive
-        has lost its place; NoAnswer if the drive does not confirm or report its state, or a lost node does not answer
-        its check; NotStanding if the robot does not stand before lost nodes are configured.
+        Args:
+            x: place in mm
+            y: place in mm
+            angle: heading in degrees, 0 to 359
+            speed: in percent of the maximum speed
+            barriers: what the robot must not or should not cross
+            direction: forward or backward (2014 robot)
+            route: planned round the barriers, or direct (2014 robot)
+            timeout: maximum time from the first transmission on, in s, after which it ends as TIMED_OUT; None: the
+                setting `Time-out`
+
+        Raises:
+            FieldError: a value is out of range; nothing was sent
+            StateError: the nodes are not checked, no start configuration is confirmed, after an Emergency Shutdown,
+                after the match, when the core is being switched off, and if the drive has lost its place
+            NoAnswer: the drive does not confirm or report its state, or a lost node does not answer its check
+            NotStanding: the robot does not stand before lost nodes are configured
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
@@ -317,9 +350,16 @@ class Core(CoreSettings):
             each(one_line(str(words)))
 
     def ask(self, request: Message, answer: type[MessageT], timeout: float = ANSWER_WAIT) -> Call[MessageT]:
-        """Send a message, and wait up to `timeout` seconds for one that answers it.
+        """Send a message, and wait for one that answers it.
 
-        Raises the errors of `send`, StateError if the core has no RPDO for the answer; NoAnswer.
+        Args:
+            request: the message
+            answer: class of the answer
+            timeout: maximum time for the answer, in s
+
+        Raises:
+            NoAnswer: no answer came in time
+            StateError: the core has no RPDO for the answer; also the errors of `send`
         """
         with self.guard:
             self._check_free(request)
@@ -330,9 +370,16 @@ class Core(CoreSettings):
     def hear(
         self, message: type[MessageT], where: Callable[[MessageT], object] | None = None, timeout: float = ANSWER_WAIT
     ) -> Call[MessageT]:
-        """Wait up to `timeout` seconds for the next message of a type, or for the next one of which `where` is true.
+        """Wait for the next message of a type; nothing is sent.
 
-        Sends no message. Raises StateError if the core has no RPDO for such a message; the errors of `where`; NoAnswer.
+        Args:
+            message: the message's class
+            where: returns whether a message is the wanted one; default: any is
+            timeout: maximum time for the message, in s
+
+        Raises:
+            NoAnswer: no such message came in time
+            StateError: the core has no RPDO for such a message; also the errors of `where`
         """
         with self.guard:
             self.device.pdo_service.check_received(message)
