@@ -15,14 +15,14 @@ from pathlib import Path, PurePath, PureWindowsPath
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
-from eurobot_od.errors import DictionaryError, FileError, LocalError
+from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse, read_bytes
 from eurobot_od.od.formats import files_in
 from eurobot_od.od.maker import MakersUnit, MakersWords, ObjectWords, plain_shapes
 from eurobot_od.od.patches import BUS_FILES, NODE_OF_BUS
 from eurobot_od.od.standard import UNCONFIGURED
-from eurobot_od.od.values import NODE_IDS, Number, parse_number
+from eurobot_od.od.values import NODE_IDS, Number, parse_number, plain_number
 from eurobot_od.support.declared import ByName, OneOrMore, Within
 from eurobot_od.support.files import read_whole
 
@@ -196,13 +196,6 @@ def read_nodelist(text: str, file: str) -> NetworkFile:
     return NetworkFile(nodes)
 
 
-def _as_in_an_eds(text: str) -> int:
-    number = parse_number(text)
-    if number is None or number.relative:
-        raise LocalError(f"{str(text)!r} is not a number")
-    return number.value
-
-
 def not_understood(path: str | Path) -> Sequence[str]:
     """Return a line for each unknown key of a bus file; raises as `read_network`."""
     if Path(path).suffix.lower() not in BUS_FILES:
@@ -226,7 +219,7 @@ def read_network_file(text: str, file: str) -> NetworkFile:
         named = ((each, f"{file}{NODE_OF_BUS}{each.name}") for each in bus.nodes)
         nodes = [NodeFile(str(each.file), each.node_id, each.name, patch=(patch,)) for each, patch in named]
         return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
-    number = replace(converted(SCALAR, _as_in_an_eds), whole=True)
+    number = replace(converted(SCALAR, plain_number), whole=True)
     network: NetworkFile = read_yaml(
         text, shape_of(NetworkFile, {**PLAIN, **plain_shapes(), str: SCALAR, int: number}), file
     )

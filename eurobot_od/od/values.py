@@ -117,6 +117,14 @@ def parse_number(text: str) -> Number | None:
     return None if value is None else Number(value)
 
 
+def plain_number(text: str) -> int:
+    """Parse a number as in an EDS, but not relative to the node-ID; raises LocalError."""
+    number = parse_number(text)
+    if number is None or number.relative:
+        raise LocalError(f"{str(text)!r} is not a number")
+    return number.value
+
+
 def _relative(upper: str) -> Number | None:
     """Parse a sum of `$NODEID` and numbers, in any order."""
     parts = [each.strip() for each in upper.strip("()").split("+")]

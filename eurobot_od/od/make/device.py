@@ -18,11 +18,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
-from eurobot_od.errors import LocalError
 from eurobot_od.od import values
 from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.editing import Change, edited, mapped, profile, said
-from eurobot_od.od.values import parse_number
+from eurobot_od.od.values import plain_number
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of
 
@@ -62,16 +61,9 @@ def is_device_table(text: str) -> bool:
 
 def read_device_table(text: str, file: str) -> DeviceTable:
     """Parse a table; `file` is its path. Raises YamlError with each problem's line."""
-    number = replace(converted(SCALAR, _number), whole=True)
+    number = replace(converted(SCALAR, plain_number), whole=True)
     table: DeviceTable = read_yaml(text, shape_of(DeviceTable, {**PLAIN, str: SCALAR, int: number}), file)
     return table
-
-
-def _number(text: str) -> int:
-    number = parse_number(text)
-    if number is None or number.relative:
-        raise LocalError(f"{str(text)!r} is not a number")
-    return number.value
 
 
 def device_eds(table: DeviceTable, file_name: str) -> bytes:
