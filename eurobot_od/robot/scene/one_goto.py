@@ -7,13 +7,13 @@ from math import dist
 from typing import Any
 
 from eurobot_od.robot.model.robot_file import Facts
-from eurobot_od.robot.model.values import OURS, Outcome, Passage
+from eurobot_od.robot.model.values import OURS, Outcome
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, Recording, at
-from eurobot_od.robot.scene.scene import Explained, Look, ground, looks, on_paper
+from eurobot_od.robot.scene.scene import Explained, Look, ground, looks, on_paper, things
 from eurobot_od.support import svg
 
-SIZE = (3300, 2740)
+SIZE = (3300, 2850)
 """Width and height: the field with its numbers, the sentence above it and the legend below."""
 
 CORNER = (200, 190)
@@ -43,7 +43,7 @@ def picture(recording: Recording, facts: Facts, goto: RecordedGoto) -> str:
     after = f"; arrived after {end - goto.sent:.1f} s"
     legend = [
         svg.moved((CORNER[0] + n % 2 * COLUMN, CORNER[1] + facts.field.height + 200 + n // 2 * ROW), _row(each))
-        for n, each in enumerate(_legend())
+        for n, each in enumerate(_legend(facts, goto))
     ]
     return svg.element(
         "svg",
@@ -96,14 +96,16 @@ def _robot(facts: Facts, look: Look, place: PathPoint) -> Iterator[str]:
     yield style.label((x, y + look.radius + WORDS), name, look.colour, WORDS * 0.8, **edge)
 
 
-def _legend() -> Iterator[Explained]:
+def _legend(facts: Facts, goto: RecordedGoto) -> Iterator[Explained]:
+    """Yield the marks of the picture with their meanings; of barriers only those that this goto has."""
     way = svg.line((-60, 0), (60, 0), stroke=style.GOTO, stroke_width=LINE)
     start = svg.circle((-60, 0), LINE, fill=style.PAPER, stroke=style.GOTO, stroke_width=LINE / 2)
     yield Explained("where it began, and the way", svg.group(way, start))
     yield Explained("place and angle that were asked for", style.target_mark(0))
-    for passage in (Passage.NORMAL, Passage.FORCED):
+    for passage in sorted({passage for _, passage in facts.flagged(goto.message.barriers)}):
         yield Explained(style.PASSAGES[passage][0], style.ring_mark(40, passage))
-    yield Explained("tree, in the way", svg.circle((0, 0), 40, fill=style.TREE))
+    for words, drawing in things(facts):
+        yield Explained(words, svg.group(drawing, transform="scale(1.4)"))
     yield Explained("the rest of the match", svg.line((-60, 0), (60, 0), stroke=svg.PALE, stroke_width=OTHERS))
 
 

@@ -295,15 +295,20 @@ class Explained(NamedTuple):
 
 
 def legend(facts: Facts) -> Iterator[Explained]:
-    """Yield the marks, and the things on the field, with their meanings."""
+    """Yield the marks of a match, and what stands on the field, with their meanings."""
     yield Explained("place and angle of a goto", style.target_mark(0))
     yield Explained("goto, reached", style.goto_mark(1, Outcome.ARRIVED))
     yield Explained("goto, not reached", style.goto_mark(2, Outcome.STOPPED))
     yield Explained("stop", style.stop_mark("A"))
-    if facts.red_tasks:
-        yield Explained("task: points at most, or f: fruit", style.task_mark("6"))
     for passage, (words, *_) in style.PASSAGES.items():
         yield Explained(words, style.ring_mark(26, passage))
+    yield from things(facts)
+
+
+def things(facts: Facts) -> Iterator[Explained]:
+    """Yield what stands on the field, with its meaning."""
+    if facts.red_tasks:
+        yield Explained("task: points at most, or f: fruit", style.task_mark("6"))
     for kind in dict.fromkeys(each.kind for each in facts.barriers):
         yield Explained(kind.name, style.barrier_shape(kind, 28))
     if facts.field.trees.places:

@@ -28,6 +28,8 @@ def test_the_picture_has_a_sentence_the_way_and_a_legend() -> None:
     drawn = ElementTree.fromstring(picture(recording, FACTS, LONG))
     texts = [each.text for each in drawn.iter("{http://www.w3.org/2000/svg}text")]
     assert "Goto 2: to x 900 mm, y 1000 mm, 90 deg, with 75 % speed; arrived after 6.0 s" in texts
-    assert {"our robot", "the rest of the match", "where it began, and the way"} <= set(texts)
+    assert {"our robot", "the rest of the match", "where it began, and the way", "fire", "tree"} <= set(texts)
+    assert "task: points at most, or f: fruit" in texts
+    assert not any(text and text.startswith("barrier") for text in texts), "this goto has none"
     ways = [each.get("points", "").split() for each in drawn.iter("{http://www.w3.org/2000/svg}polyline")]
     assert sorted(map(len, ways)) == [7, 10]  # 2.0 to 8.0 s, and all of it
