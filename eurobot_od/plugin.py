@@ -275,6 +275,8 @@ class Plugins(NamedTuple):
         if text in shipped:  # `./lift` names a file of this name
             return shipped[text]
         if not path.is_file() and path.suffix not in (".yaml", ".yml"):
+            if not shipped:
+                raise LocalError(f"unknown suite {text!r}; a suite is a file, such as {text}.yaml")
             raise UnknownName("suite", text, shipped)
         return path
 

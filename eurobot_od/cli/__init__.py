@@ -266,8 +266,7 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
     """Return the command line without `--robot`, and its value, which decides on commands and options."""
     if not any(each.partition("=")[0] == "--robot" for each in words):
         return words, None  # without a parser, whose help formatter imports three compression libraries
-    finder = ArgumentParser(program(), add_help=False, allow_abbrev=False)
-    finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
+    finder = Parser(program(), add_help=False)
     finder.add_argument("--robot")  # never abbreviated, as a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
     return others, found.robot

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any, BinaryIO, TypeAlias
 
-from eurobot_od.cli import ExitStatus, options
+from eurobot_od.cli import ExitStatus, complain, options
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import (
     NOTHING_NAMED,
@@ -96,6 +96,8 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             yield io.BufferedReader(
                 Watched(file, lambda _: None)
             )  # the same class in all cases, so that formats behave the same
+        if stat.S_ISREG(status.st_mode) and not status.st_size:
+            complain(f"{log}: the file is empty")
 
 
 def decoder_for(logs: Iterable[str], reading: Reading, devices: Devices, names: FrameNames = NOTHING_NAMED) -> Decoder:

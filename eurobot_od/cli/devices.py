@@ -489,7 +489,10 @@ class Target(Access):
                     f"{text} is a file, not a node: a node-ID 1..127 goes there; --eds names a device's file"
                 )
             if not self.devices.are_known:
-                raise LocalError(f"{text!r} is not a node-ID 1..127; for names there are --eds, --network and --robot")
+                raise LocalError(
+                    f"{text!r} is not a node-ID 1..127, which comes first, as in `read 5 0x1018`; "
+                    "for names there are --eds, --network and --robot"
+                )
             return look_up("node", text, {each.name: each.node_id for each in self.devices.load()})
         return check_node_id(int((text.lstrip("0") or "0")[:4]))  # `int` raises for thousands of digits
 

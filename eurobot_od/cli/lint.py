@@ -122,6 +122,8 @@ def lint(
         raise LocalError("no files to check: name EDS, DCF or XDD files, folders of them, or a --robot")
     if network or fix:
         device.refuse("a network file says them itself, and `export eds` writes the file with both")
+    if output and not fix:
+        raise LocalError(f"-o {output} goes with --fix only: without it nothing is written")
     if fix:  # files only, so that no folder is rewritten by mistake
         return _fix(files, output)
     unreadable: list[DictionaryError] = []

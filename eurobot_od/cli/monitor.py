@@ -69,7 +69,7 @@ def monitor(
 
     logs: logs to play (default: watch a bus)
     speed: how many times faster to play a log, or max
-    filter: show only messages with this in their name, or their protocol's or a node's
+    filter: show only messages with this in their name, or their protocol's or a node's, or an identifier: 705
     sort: order of the table
     plain: print lines as decode does, and the table at the end
     statistics: also print load, gaps, response times and bounds at the end

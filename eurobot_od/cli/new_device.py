@@ -52,7 +52,7 @@ def new_device(
     if package != (eds is not None):
         raise LocalError("a device package needs the device's EDS: write new-device NAME --package --eds FILE")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise LocalError(f"{folder}: it is there, and not empty")
+        raise LocalError(f"{folder}: it is there, and not empty; name a new folder")
     name = folder.resolve().name
     module = re.sub(r"\W+", "_", name.lower()).strip("_")
     if not module.isidentifier() or iskeyword(module) or not module.isascii():

@@ -377,6 +377,8 @@ def faults(
     $ faults --json
     """
     plugins = Devices(robot_name=robot_name).plugins
+    if node and not plugins.robot.nodes:
+        raise LocalError(f"{node}: only a robot's nodes are named; without a robot write `faults` alone")
     kind = look_up("node", node, plugins.robot.nodes)() if node else None
     # any node can have the faults of the base class
     chosen: dict[str, dict[str, Fault]] = {}

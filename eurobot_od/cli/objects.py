@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -32,7 +33,7 @@ from eurobot_od.od.dcf import renumbered
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, MOST_SUBS, NOT_VALID, label
+from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, FIRST, MOST_SUBS, NOT_VALID, label, parse_number
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
 from eurobot_od.support.files import read_whole, write_whole
@@ -57,6 +58,7 @@ def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, fi
     $ read 5 Motor.Speed --eds motor.eds -i socketcan -c can0
     $ read 5 0x1018 0x1017 -i socketcan -c can0
     """
+    _check_sub_index(objects)
     with target.opened() as node:
         found = target.description(node)
         known = found.objects if found else None
@@ -66,6 +68,14 @@ def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, fi
         readings = list(configuring.read_all(node, things))
     print_readings(readings, as_json)
     return ExitStatus.FOUND if any(each.refusal for each in readings) else ExitStatus.FINE
+
+
+def _check_sub_index(objects: Sequence[str]) -> None:
+    """Check that no sub-index is a word of its own, as other programs take it; raises LocalError."""
+    for index, word in pairwise(objects):
+        number = parse_number(word)
+        if number and number.value < FIRST and od.numbered(index):
+            raise LocalError(f"{word} is not an index; write a sub-index after a colon: {index}:{word}")
 
 
 def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> ExitStatus:
@@ -93,8 +103,11 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     $ write 5 0x1017 500 -i socketcan -c can0
     $ write 5 "Motor.Target speed" 900 --eds motor.eds -i socketcan -c can0
     """
+    _ = target.node_id  # first, as it may be what was left out
     if (value is None) is (file is None):
-        raise LocalError("what to write: give a value or --file FILE, one of them")
+        name, _, given = name.partition("=")
+        example = f", as in write {target.node} {name} {given or 500}"
+        raise LocalError(f"what to write: give a value or --file FILE, one of them{example}")
     content = read_whole(file) if file else b""
     with target.opened() as node:
         found = target.description(node)
@@ -382,6 +395,7 @@ def program(
 
     $ program 5 firmware.bin -i socketcan -c can0
     """
+    _ = target.node_id  # first, as node and file may be in the wrong order
     content = read_whole(file)
     if not content:
         raise LocalError(f"{file}: the file is empty")
@@ -495,6 +509,8 @@ def drive(
     with target.opened() as node:
         described = target.known_description(node)
         found = Drive402(node, described, axis)
+        if action in WATCHED:
+            _ = found.status  # a node that is no drive refuses this, before anything is commanded
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)
         status = found.status

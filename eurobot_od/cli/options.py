@@ -64,6 +64,16 @@ def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
     return read
 
 
+def bit_rate(text: str) -> int:
+    """Parse a bit rate in bit/s, such as `500000`, `500k` or `1M`; raises LocalError."""
+    factor = {"k": 1000, "M": 1_000_000}.get(text[-1:])
+    digits = text[:-1] if factor else text
+    rate = int(digits) * (factor or 1) if digits.isdecimal() and len(digits) < 16 else 0
+    if not 1000 <= rate <= 1_000_000:
+        raise LocalError(f"{text} is not in 1000..1000000 bit/s, such as 500000 or 500k")
+    return rate
+
+
 def assigned(form: str) -> Option:
     """Return an option with values of the `form` NAME=VALUE, split at the first equals sign."""
 
@@ -94,7 +104,7 @@ BIT_RATE = 500_000
 """Default bit rate in bit/s."""
 
 Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
-BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in 1000..1000000 bit/s"))]
+BitRate: TypeAlias = Annotated[int, Option("-b", read=bit_rate)]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]
 NoReconnect: TypeAlias = Annotated[bool, "end when the bus is lost, instead of opening it again"]

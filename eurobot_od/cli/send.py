@@ -5,6 +5,7 @@ The command line is checked against the EDS files before the bus is opened.
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from queue import Empty, SimpleQueue
@@ -55,6 +56,13 @@ def send(
 
         print(f"{amount(send_list(message, devices.decoder().protocol, bus), 'frame')} sent")
         return ExitStatus.FINE
+    if fields and all(re.fullmatch(r"(?:0x)?[0-9A-Fa-f]+", each) for each in (message, *fields)):
+        data = "".join(each.removeprefix("0x") for each in fields)
+        raise LocalError(f"a frame is one word: write send {message.removeprefix('0x')}#{data}")
+    if re.fullmatch(r"v?can\d+", message):
+        raise LocalError(f"the bus is -i socketcan -c {message}; write send {' '.join(fields)} first")
+    if re.fullmatch(r"(?:0x)?[0-9A-Fa-f]{3}", message) and not devices.are_known:
+        raise LocalError(f"a frame is ID#DATA: write send {message.removeprefix('0x')}#, or with data after the #")
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
     # Frames can be sent without files.
     protocol = devices.decoder().protocol if are_frames else devices.protocol()

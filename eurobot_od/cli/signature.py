@@ -136,11 +136,34 @@ NOTHING = Hint(NoneType)
 OTHERWISE_CALLED = {
     **dict.fromkeys(("--duration", "--seconds", "--time"), "--for"),
     **dict.fromkeys(("scan", "search", "fastscan"), "find"),
-    "--interval": "--period",
-    "--port": "--listen",
+    **dict.fromkeys(("operational", "op", "run"), "start"),
+    **dict.fromkeys(("reset-node", "reset_node", "reboot"), "reset"),
+    **dict.fromkeys(("reset-comm", "reset_comm", "reset_communication"), "reset-communication"),
+    **dict.fromkeys(("preop", "preoperational", "pre_operational"), "pre-operational"),
+    **dict.fromkeys(("stopped",), "stop"),
+    **dict.fromkeys(("--port", "--host", "--bind", "--address"), "--listen"),
+    **dict.fromkeys(("--record", "--write"), "--log"),
+    **dict.fromkeys(("--id", "--set-node", "--nodeid"), "--node-id"),
+    **dict.fromkeys(("--interval", "--cycle"), "--period"),
+    "--out": "-o",
+    "--disable": "--ignore",
     "--rule": "--select",
 }
 """Options and words of other programs, with our names."""
+
+ARGUMENTS = {
+    **dict.fromkeys(("node-id", "nodeid", "id", "n"), "node"),
+    **dict.fromkeys(("index", "object", "obj"), "objects"),
+    **dict.fromkeys(("suite", "suites"), "files"),
+    **dict.fromkeys(("log", "input", "file"), "logs"),
+}
+"""Options of other programs that are arguments here."""
+
+CHANNELS = {r"v?can\d+": "socketcan", r"(?i:com\d+)|/dev/tty\S+": "slcan", r"PCAN_\w+": "pcan"}
+"""Patterns of the channels of interfaces."""
+
+MOST_LISTED = 300
+"""Maximum length of a list of a command's options in an error."""
 
 DEVICE_FILES = (".eds", ".dcf", ".xdd", ".xdc")
 
@@ -205,15 +228,54 @@ class Parser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with an error, with the order of positional arguments if one of them is wrong; raises SystemExit."""
-        places = " ".join(each.dest.upper() for each in self._get_positional_actions())
-        order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
+        places = [each.dest for each in self._get_positional_actions()]
+        order = f"; write {self.prog} {' '.join(places).upper()}"
         unknown = re.match(r"unrecognized arguments: (\S+)", message)
-        better = _instead(unknown[1].partition("=")[0], [*self._option_string_actions]) if unknown else ""
-        if unknown and not places and unknown[1][:1] != "-" and not better:
-            better = f"; {self.prog.rpartition(' ')[2]} takes options only"
-        if unknown and places == "COMMAND":
-            better = f"; the command comes first: {self.prog} COMMAND {unknown[1]} ..."
-        self.exit(2, f"{self.prog}: error: {message}{order}{better}; see {self.prog} --help\n")
+        # An unknown option's value looks like an argument, and a misplaced one is an error of its own.
+        strange = next((each for each in self.words if each[:2] == "--" and not self._knows(each)), None)
+        if strange and not unknown:
+            message = f"unrecognized arguments: {strange}"
+            better = self._instead(strange, places, order)
+        elif unknown:
+            better = self._instead(unknown[1], places, order)
+        else:
+            is_of_order = re.match(r"argument [^-]" if len(places) > 1 else "$", message) or re.search(
+                r" required: (?!-)", message
+            )
+            better = order if places and is_of_order else ""
+        self.exit(2, f"{self.prog}: error: {message}{better}; see {self.prog} --help\n")
+
+    def _knows(self, word: str) -> bool:
+        return word == "--" or word.partition("=")[0] in self._option_string_actions
+
+    def _instead(self, unknown: str, places: Sequence[str], order: str) -> str:
+        """Return what to write instead of an unknown word or option."""
+        if places == ["command"]:
+            return f"; the command comes first: {self.prog} COMMAND {unknown} ..."
+        options = [*self._option_string_actions]
+        word = unknown.partition("=")[0]
+        if word[:1] != "-":
+            alone = f"; {self.prog.rpartition(' ')[2]} takes options only{self._listed()}"
+            return _instead(word, options) or (order if places else alone)
+        plain = word.lstrip("-")
+        argument = ARGUMENTS.get(plain, plain.replace("-", "_"))
+        if argument in places or any(plain in self.described[each].words for each in places if each in self.described):
+            return f"; it is no option here{order}"
+        if better := _instead(word, options):
+            return better
+        if argument == "node" and any(each.lower().endswith(DEVICE_FILES) and "=" not in each for each in self.words):
+            return "; a node-ID stands before the file, as in 5=motor.eds"
+        if word in ("--output", "-o"):
+            return "; it prints: write > FILE at the end"
+        return self._listed() + (order if places else "")
+
+    def _listed(self) -> str:
+        """Return the command's own options, empty if there are too many."""
+        named = (each.option_strings[-1] for each in self._actions if each.option_strings)
+        known = ", ".join(each for each in named if each not in ("--help", "--robot"))
+        if not known:
+            return f"; {self.prog.rpartition(' ')[2]} takes none"
+        return f"; its options: {known}" if len(known) < MOST_LISTED else ""
 
 
 class FormParser(Parser):
@@ -231,6 +293,14 @@ def _instead(word: str, options: Sequence[str]) -> str:
     """Return a suggestion for an unknown word, empty if there is none."""
     if (usual := OTHERWISE_CALLED.get(word)) in options:
         return f"; here that is {usual}"
+    if "-c" in options:
+        for pattern, interface in CHANNELS.items():
+            if re.fullmatch(pattern, word):
+                return f"; the bus is -i {interface} -c {word}"
+    if f"--{word}" in options:
+        return f"; did you mean --{word}?"
+    if "-o" in options and word.lower().endswith(DEVICE_FILES) and not os.path.exists(word):  # noqa: PTH110
+        return f"; the file to write is -o {word}"
     if word.lower().endswith(DEVICE_FILES) and "--eds" in options:
         return f"; the file of a device is --eds {word}"
     return meant(word, options) if word.startswith("--") else ""
@@ -373,7 +443,9 @@ def _read(hint: Hint, word: str) -> Any:
         return look_up("value", word, words) if words else read(word)
     except LocalError as error:
         usual = OTHERWISE_CALLED.get(word)
-        raise ArgumentTypeError(f"{error}; here that is {usual}" if usual in words else str(error)) from None
+        # Without a similar word, which would be another command: `operational` is not like `start`.
+        unlike = str(error).partition("; did you mean")[0]
+        raise ArgumentTypeError(f"{unlike}; here that is {usual}" if usual in words else str(error)) from None
 
 
 def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:

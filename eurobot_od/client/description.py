@@ -104,7 +104,10 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Dictionary |
     try:
         identity = await read_identity.steps(node)
     except NoAnswer as error:  # the caller did not ask for this object, so the error does not name it
-        raise NoAnswer("the question which device it is", error.answer, 1, error.waited, node.node_id) from None
+        silent = NoAnswer("the question which device it is", error.answer, 1, error.waited, node.node_id)
+        for note in getattr(error, "__notes__", ()):
+            silent.add_note(note)
+        raise silent from None
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
     return None if found is None else Dictionary.load(found.file, node.node_id)
 

@@ -252,7 +252,7 @@ def find_one(text: str, objects: ObjectDictionary | None) -> ODVariable:
 
 def _named(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
     if objects is None:
-        raise LocalError(f"without an EDS no object is known as {text!r}; give its number")
+        raise LocalError(f"without an EDS no object is known as {text!r}; give its number, such as 0x1018:1")
     wanted = text.strip().lower()
     whole = [index for index, entry in objects.indices.items() if entry.name.lower() == wanted]
     # A record is only in the first list, a member of a record only in the second.

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +20,6 @@ from eurobot_od.robot import dialects
 if TYPE_CHECKING:
     from eurobot_od.device.node import Node
     from eurobot_od.pdo.kinds import Catalogue
-    from eurobot_od.season.events import LogEvent
 
 HERE = Path(__file__).parent
 
@@ -28,12 +27,6 @@ HERE = Path(__file__).parent
 def _imported(module: str, name: str) -> Any:
     """Return an object of this package, imported on first use."""
     return getattr(import_module(f"{__package__}.{module}"), name)
-
-
-def _events_of(log: Path) -> Sequence[LogEvent]:
-    """Return what the world of a simulated match has written beside its log; picklable."""
-    found: Sequence[LogEvent] = _imported("season", "events_of")(log)
-    return found
 
 
 def own_robot(
@@ -104,7 +97,7 @@ ROBOT = Plugin(
     stored=lambda dictionary: _imported("check", "stored")(dictionary),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
     drawings=lambda protocol: _imported("scene.files", "drawings")(protocol),
-    beside=_events_of,
+    beside=lambda log: _imported("season", "events_of")(log),
     reports=partial(_imported, "season", "REPORTS"),
     watchers=lambda: (_imported("check.diagnosis", "EurobotWatcher"),),
     stage=partial(_imported, "commands.node", "NodeOptions"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import re
 import stat
 import time
 from collections.abc import Iterable, Iterator
@@ -29,6 +30,9 @@ LONGEST_WAIT, WAIT = 0.5, 0.01
 ALIKE = 0.88
 """Similarity from which a file's name is suggested; higher than for other names, because suffixes are alike."""
 
+MOST_NAMED = 4
+"""Maximum number of files of a folder that are named in place of one that does not exist."""
+
 ABANDONED = 60.0
 """Age from which a temporary file counts as left by a crash, in s."""
 
@@ -47,10 +51,29 @@ def opened(file: str | Path, buffering: int = -1) -> BinaryIO:
 def _meant(file: str | Path, error: Exception) -> str:
     """Return a suggestion for a file that does not exist, from the names in its folder; empty if none is similar."""
     folder, name = os.path.split(file)
+    if isinstance(error, IsADirectoryError):
+        return f"; name its files, such as {os.path.join(str(file), '*')}"  # noqa: PTH118  # a name that no Path can hold
+    if not isinstance(error, FileNotFoundError):
+        return ""
+    if "\\" in name and os.name != "nt":
+        return "; this is not Windows: folders are separated by /"
+    if "*" in name:
+        return "; no file matches this pattern"
+    if (number := re.match(r"(\d+):", name)) and os.path.exists(rest := name[number.end() :]):  # noqa: PTH110
+        return f"; write {number[1]}={rest}"
     try:
-        return meant(name, os.listdir(folder or "."), ALIKE) if isinstance(error, FileNotFoundError) else ""  # noqa: PTH208
+        there = os.listdir(folder or ".")  # noqa: PTH208
     except OSError:  # the folder does not exist either
         return ""
+    stem, suffix = os.path.splitext(name)  # noqa: PTH122
+    like = [each for each in there if suffix and each.rpartition(".")[0] == stem]
+    return meant(name, there, ALIKE) or (f"; did you mean {like[0]}?" if like else _of_a_kind(suffix, there))
+
+
+def _of_a_kind(suffix: str, there: Iterable[str]) -> str:
+    """Return the files with a suffix, if there are few."""
+    found = sorted(each for each in there if suffix and each.lower().endswith(suffix.lower()))
+    return f"; in this folder: {', '.join(found)}" if 0 < len(found) <= MOST_NAMED else ""
 
 
 def read_whole(file: str | Path) -> bytes:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FileError
 from eurobot_od.frame import EXTENDED
+from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.support import extras
 from eurobot_od.traffic.services import Fields
 
@@ -75,7 +77,8 @@ def _messages(file: str) -> list[Message]:
         raise
     except Exception as error:  # cantools does not document what it raises for a damaged file
         words = " ".join(str(error).split())
-        raise FileError(file, f"cantools cannot read it: {words}") from None
+        ours = "; a device's file is named by --eds" if Path(file).suffix.lower() in SUFFIXES else ""
+        raise FileError(file, f"cantools cannot read it: {words}{ours}") from None
 
 
 def _fields(message: Message, data: bytes) -> Fields:

@@ -55,6 +55,8 @@ def by_name(names: Iterable[str], decoder: Decoder) -> Wanted:
 def by_node(nodes: Iterable[str], known: Iterable[str]) -> Wanted:
     """Return a filter for the frames of nodes, sent or received; raises UnknownName."""
     names = {plain_name(name): name for name in known}
+    if not names:
+        raise LocalError(f"node {', '.join(nodes)}: without files no node has a name; name them by --eds or --network")
     wanted = {known_name(node, names, "node") for node in nodes}
     return lambda meaning: not wanted.isdisjoint(meaning.nodes)
 

@@ -299,12 +299,15 @@ SORTS: Mapping[str, Callable[[MonitorRow], Any]] = {
 
 
 def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRow]:
-    """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
+    """Return the rows that `part` names, in an order of SORTS."""
     return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
 
 
 def named(meaning: Meaning, part: str) -> bool:
-    """Return whether `part` occurs in the name, protocol or nodes of a message."""
+    """Return whether `part` occurs in the name, protocol or nodes of a message, or is its identifier."""
+    frame = meaning.raw.frame if isinstance(meaning.raw, Foreign) else meaning.raw
+    if frame and part.upper().removeprefix("0X") == f"{frame[0]:03X}":
+        return True
     return part.casefold() in " ".join((meaning.name, meaning.group, *meaning.nodes)).casefold()
 
 

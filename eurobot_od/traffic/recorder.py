@@ -86,7 +86,7 @@ def _writer(file: Path) -> MessageWriter:
         with naming(file):
             return can.Logger(file)
     except (ValueError, NotImplementedError) as error:
-        raise LocalError(f"{file}: {error}") from error
+        raise LocalError(f"{file}: {error}; name a file of a known format, such as match.log, .asc or .blf") from error
 
 
 def _finish(file: Path, journal: Path) -> None:

@@ -114,7 +114,8 @@ async def served(
         try:
             listening = await loop.create_server(partial(_handler, runner, server.connections), access.host, port)
         except OSError as error:
-            raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
+            why = f"{error.strerror}; --listen chooses another address"
+            raise LocalError(f"cannot listen at {access.host}:{port}: {why}") from error
         with closing(listening):
             # Inside, so that motions are ended while the bus is still read.
             async with requests.running() if requests is not None else nullcontext():

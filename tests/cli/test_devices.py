@@ -92,8 +92,8 @@ WRONG = [
     (["--eds", "motor.eds"], "motor.eds: the file names no node-ID; give one, as in 5=motor.eds"),
     (["--eds", "128=motor.eds"], "motor.eds: node-ID 128 is not in 1..127"),
     (["--eds", "5=motor.eds", "--eds", "5=panel.eds"], "panel.eds: node-ID 5 is taken by motor.eds"),
-    (["--eds", "5=gone.eds"], "gone.eds: No such file or directory"),
-    (["--network", "gone.yaml"], "gone.yaml: No such file or directory"),
+    (["--eds", "5=gone.eds"], "gone.eds: No such file or directory; in this folder: motor.eds, panel.eds"),
+    (["--network", "gone.yaml"], "gone.yaml: No such file or directory; in this folder: net.yaml, suite.yaml"),
     (
         ["--dialect", "canopen", "--network", "net.yaml"],
         "--dialect is a network of its own: leave out --eds and --network, or leave it out",

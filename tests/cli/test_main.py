@@ -71,7 +71,7 @@ NAMED = [
     (["show", "--help"], "usage: canopen-workbench show "),
     (
         ["show", "--nonsense"],
-        "canopen-workbench show: error: unrecognized arguments: --nonsense; see canopen-workbench",
+        "canopen-workbench show: error: unrecognized arguments: --nonsense; its options: ",
     ),
     (["nonsense"], "canopen-workbench: unknown command 'nonsense'"),
     (["--robot"], "canopen-workbench: error: argument --robot: expected one argument"),

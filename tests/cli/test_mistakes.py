@@ -143,6 +143,40 @@ MISTAKES = {
     ),
     "a form with a slip": ("export|wiresark", 2, "unknown form 'wiresark'; did you mean wireshark?"),
     "a log that is not there": ("decode|nowhere.log", 2, "nowhere.log: No such file or directory"),
+    "a log of another format": (
+        "decode|picture.log",
+        2,
+        "picture.log: No such file or directory; did you mean picture.png?",
+    ),
+    "a folder as a log": ("decode|.", 2, ".: Is a directory; name its files, such as ./*"),
+    "a pattern without a match": ("decode|*.trc", 2, "*.trc: No such file or directory; no file matches this pattern"),
+    "a colon after a node-ID": ("show|--eds|5:lift.eds", 2, "5:lift.eds: No such file or directory; write 5=lift.eds"),
+    "a frame in several words": (
+        "send|0x123|01|02|-i|virtual",
+        2,
+        "a frame is one word: write send 123#0102",
+    ),
+    "a frame's identifier alone": (
+        "--robot|none|send|123|-i|virtual",
+        2,
+        "a frame is ID#DATA: write send 123#, or with data after the #",
+    ),
+    "a sub-index as a word": (
+        "read|5|0x1018|1|-i|virtual",
+        2,
+        "1 is not an index; write a sub-index after a colon: 0x1018:1",
+    ),
+    "a node forgotten": (
+        "--robot|none|write|0x1017|500|-i|virtual",
+        2,
+        "'0x1017' is not a node-ID 1..127, which comes first, as in `read 5 0x1018`; "
+        "for names there are --eds, --network and --robot",
+    ),
+    "an output of a check": (
+        "lint|lift.eds|-o|new.eds",
+        2,
+        "-o new.eds goes with --fix only: without it nothing is written",
+    ),
     "a file that is no log": (
         "decode|picture.png",
         2,
@@ -153,7 +187,8 @@ MISTAKES = {
     "a node that is not there": (
         "read|9|0x1000|-i|virtual|-c|nobody|--timeout|50ms",
         1,
-        "no answer from node 9 within 50 ms after the question which device it is",
+        "no answer from node 9 within 50 ms after the question which device it is; "
+        "nothing was heard of it since the last command: is it there, at this node-ID and bit rate?",
     ),
 }
 
@@ -166,13 +201,47 @@ USAGES = {
         "lss|scan|-i|virtual",
         "argument {find,set}: unknown value 'scan'; known: find, set; here that is find",
     ),
-    "a word for a command without any": ("scan|5|-i|virtual", "unrecognized arguments: 5; scan takes options only"),
+    "a word for a command without any": (
+        "sync|5|-i|virtual",
+        "unrecognized arguments: 5; sync takes options only; its options: --counter, --period, --count, --cob-id, "
+        "--no-reconnect, --interface, --channel, --bitrate",
+    ),
+    "a channel without its option": ("scan|can0", "unrecognized arguments: can0; the bus is -i socketcan -c can0"),
+    "a node as an option": (
+        "read|--node|5|0x1000|-i|virtual",
+        "unrecognized arguments: --node; it is no option here; write eurobot-od read NODE OBJECTS",
+    ),
+    "an action as an option": (
+        "lss|--find|-i|virtual",
+        "unrecognized arguments: --find; it is no option here; write eurobot-od lss ACTION",
+    ),
+    "an option as a word": ("emcy|5|clear|-i|virtual", "unrecognized arguments: clear; did you mean --clear?"),
+    "a node-ID apart from its file": (
+        "check|--conformance|--id|5|--eds|lift.eds",
+        "unrecognized arguments: --id; a node-ID stands before the file, as in 5=motor.eds",
+    ),
+    "an output without its option": (
+        "dump|5|new.dcf|-i|virtual",
+        "unrecognized arguments: new.dcf; the file to write is -o new.dcf",
+    ),
+    "a word too many": (
+        "write|5|0x1017|=|500|-i|virtual",
+        "unrecognized arguments: 500; write eurobot-od write NODE NAME VALUE",
+    ),
+    "a state in place of a command": (
+        "nmt|5|operational|-i|virtual",
+        "argument {start,stop,pre-operational,reset,reset-communication}: unknown value 'operational'; "
+        "here that is start; write eurobot-od nmt NODE COMMAND",
+    ),
     "a port as others call it": ("serve|--port|80", "unrecognized arguments: --port; here that is --listen"),
     "an option that only begins like another one": (
         "serve|--for|3s",
         "unrecognized arguments: --for; did you mean --format?",
     ),
-    "a bit rate in words": ("scan|-b|500k", "argument -b/--bitrate: 500k is not in 1000..1000000 bit/s"),
+    "a bit rate in words": (
+        "scan|-b|fast",
+        "argument -b/--bitrate: fast is not in 1000..1000000 bit/s, such as 500000 or 500k",
+    ),
     "a speed in words": ("monitor|--speed|fast", "argument --speed: fast is not a positive number nor max"),
     "a time with an unknown unit": (
         "node|lift|--for|10h",

@@ -80,7 +80,9 @@ def test_frames_of_other_protocols_are_named_once(
 def test_a_file_of_words_that_is_not_there_is_told_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
     Path("words/net.yaml").write_text("library: .\nemcy: nowhere.yaml\n")
     said = run(capsys, "decode", "run.log", "--network", "words/net.yaml", *ALONE)
-    assert (said.status, said.err) == (2, f"eurobot-od: {Path('words/nowhere.yaml')}: No such file or directory\n")
+    line = f"eurobot-od: {Path('words/nowhere.yaml')}: No such file or directory; in this folder: "
+    assert said.status == 2
+    assert said.err.startswith(line)
 
 
 UNITS = """

@@ -30,6 +30,8 @@ NOT_ALLOWED = " is not allowed; allowed: "
 READ_ONLY = ": Attempt to write a read only object (0x06010002); read it only: its AccessType is ro or const"
 NO_OBJECT = "Object does not exist (0x06020000); the device may be another version than its EDS: compare 0x1018"
 
+ONE_OF_THEM = "what to write: give a value or --file FILE, one of them, as in write 2 0x1017 500"
+
 FILES = """\
 [200E]
 ParameterName=Script
@@ -207,7 +209,8 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
         assert run(channel, "write", "2", "0x1017", "0x1F4")[:2] == (0, "node 2: 0x1017:0 = 0x1F4\n")
         assert run(channel, "read", "2", "0x1017")[:2] == (0, "0x1017:0    0x1F4\n")
         status, _, err = run(channel, "read", "2", "Motion")
-        assert (status, err) == (2, "eurobot-od: without an EDS no object is known as 'Motion'; give its number\n")
+        unnamed = "without an EDS no object is known as 'Motion'; give its number, such as 0x1018:1"
+        assert (status, err) == (2, f"eurobot-od: {unnamed}\n")
         status, out, _ = run(channel, "pdo", "2")
         assert (status, out.splitlines()[-1].split()[:4]) == (0, ["TPDO", "5", "0x483", "on"])
         status, _, err = run(channel, "pdo", "2", "map", "TPDO1", "0x2000:1")
@@ -229,7 +232,12 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
 @pytest.mark.parametrize(
     ("words", "status", "err"),
     [
-        (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after the question which device it is"),
+        (
+            ["read", "9", "0x1017"],
+            1,
+            "no answer from node 9 within 300 ms after the question which device it is; "
+            "node 2 is on this bus, node 9 is not",
+        ),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
         (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: panel, lift, scale"),
         (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),
@@ -291,8 +299,8 @@ def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["write", "2", "0x1017"], "what to write: give a value or --file FILE, one of them"),
-        (["write", "2", "0x1017", "5", "--file", "x"], "what to write: give a value or --file FILE, one of them"),
+        (["write", "2", "0x1017"], ONE_OF_THEM),
+        (["write", "2", "0x1017", "5", "--file", "x"], ONE_OF_THEM),
         (["read", "2", "0x1018", "--file", "x"], "--file takes one object, not 5"),
         (["write", "2", "0x1017", "--file", "none.bin"], "none.bin: No such file or directory"),
     ],

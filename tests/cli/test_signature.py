@@ -105,7 +105,7 @@ def test_a_function_gets_the_options_values(words: str, changed: dict[str, Any])
 
 
 WRONG = [
-    ("", "the following arguments are required: NODE"),
+    ("", "the following arguments are required: NODE; write do NODE FILES"),
     ("5 --colour blue", "argument --colour: unknown value 'blue'; did you mean dark_blue?"),
     ("5 --level 3", "argument --level: unknown value '3'; known: 1, 2"),
     ("5 --speed fasst", "argument --speed: unknown value 'fasst'; did you mean fast?"),
@@ -116,7 +116,11 @@ WRONG = [
     ("5 -b 9", "argument -b/--bitrate: 9 is not in 1000..2000"),
     ("5 --pair 0", "argument --pair: 0 is not a positive number"),
     ("5 --one --other", "argument --other: not allowed with argument --one"),
-    ("5 --wings=2", "unrecognized arguments: --wings=2"),
+    (
+        "5 --wings=2",
+        "unrecognized arguments: --wings=2; its options: --channel, --bitrate, --colour, --level, --speed, --verbose, "
+        "--for, --set, --number, --share, --objects, --pair, --one, --other; write do NODE FILES",
+    ),
 ]
 
 

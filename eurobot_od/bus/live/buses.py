@@ -133,6 +133,8 @@ def open_bus(
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
         is_linux = interface == SOCKETCAN
         helps = remedy(_number(error), str(channel)) if is_linux else driver_remedy(interface, error)
+        if not helps and _number(error) == errno.ENOENT:  # no such serial port
+            helps = "`doctor` lists what is here"
         why = _with_remedy(error, helps)
         if interface == "remote" and _number(error) == errno.ECONNREFUSED:
             why += "; nobody shares a bus there: `node --share PORT` does, in another terminal"
@@ -157,7 +159,9 @@ def share(port: int) -> str:
     try:
         server = RemoteServer(ONLY_HERE, port, interface="virtual", channel=channel)
     except OSError as error:
-        raise BusError(f"cannot share a bus at port {port} of this machine: {_one_line(error)}") from error
+        other = f"; share at another port, or join the bus there by -i remote -c {channel}"
+        taken = other if error.errno == errno.EADDRINUSE else ""
+        raise BusError(f"cannot share a bus at port {port} of this machine: {_one_line(error)}{taken}") from error
     threading.Thread(target=server.serve_forever, name=channel, daemon=True).start()
     return channel
 
