@@ -467,10 +467,14 @@ class Soak:
     def emergency(self, node: str | None, code: bytes = b"") -> Condition:
         """Return a condition: from now on a node, or any, has reported an error by EMCY."""
         since = time.monotonic()
-        return lambda: any(
-            at > since and node in (None, teller) and data[:2] != NO_ERROR and data.startswith(code)
-            for at, teller, data in self._emergencies
-        )
+
+        def is_reported() -> bool:
+            return any(
+                at > since and node in (None, teller) and data[:2] != NO_ERROR and data.startswith(code)
+                for at, teller, data in self._emergencies
+            )
+
+        return is_reported
 
     # What goes on all the time
 

@@ -435,6 +435,10 @@ def _babble(node: Node) -> None:
     node.clear_error("babble")
 
 
+def _to_this_node(node: Node, frame: Frame) -> list[Frame]:
+    return [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
+
+
 def _always_operational(content: bytes) -> bytes:
     # The boot-up message has the same COB-ID.
     return content if content[0] == BOOT_UP else bytes([NmtState.OPERATIONAL])
@@ -479,7 +483,7 @@ FAULTS = {
          arriving(nmt, without(NmtCommand.STOP))),
         ("nmt-of-others-heeded", "carries out the NMT commands of other nodes",
          "7.2.8.2.1 NMT: another node's command does not matter",
-         arriving(nmt, lambda node, frame: [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))])),
+         arriving(nmt, _to_this_node)),
         ("works-when-stopped", "answers messages in every NMT state", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL",
          AlwaysOperational),
         ("emcy-missing", "sends no EMCY", TOO_SHORT, leaving(emcy, lost)),

@@ -230,11 +230,16 @@ def _type(variable: DescribedVariable) -> str:
 _UNDIRECTED = {"rwr": "rw", "rww": "rw"}
 """Access types with a PDO direction, and the equivalent for an object that is not mappable."""
 
+
+def _access(variable: DescribedVariable) -> str:
+    if variable.is_mappable:
+        return variable.access or ABSENT
+    return _UNDIRECTED.get(variable.access, variable.access) or ABSENT
+
+
 ASPECTS: Mapping[str, Aspect] = {
     "type": lambda each, _: _type(each),
-    "access": lambda each, _: (
-        (each.access if each.is_mappable else _UNDIRECTED.get(each.access, each.access)) or ABSENT
-    ),
+    "access": lambda each, _: _access(each),
     "low limit": _limit_of("lowlimit"),
     "high limit": _limit_of("highlimit"),
     "value": _value,

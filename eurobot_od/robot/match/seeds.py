@@ -527,5 +527,11 @@ def farthest_apart(played: Played) -> int:
     rows = [row for row in zip(*played.values()) if all(match.summary for match in row)]
     if not rows:
         raise LocalError("no seed was played to its end with each strategy, so there is nothing to be drawn")
-    farthest: Sequence[PlayedMatch] = max(rows, key=lambda row: max(map(POINTS.of, row)) - min(map(POINTS.of, row)))
+    farthest: Sequence[PlayedMatch] = max(rows, key=_difference)
     return farthest[0].seed
+
+
+def _difference(row: Sequence[PlayedMatch]) -> float:
+    """Return the largest difference of the points of matches."""
+    points = list(map(POINTS.of, row))
+    return max(points) - min(points)

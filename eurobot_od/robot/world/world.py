@@ -268,9 +268,7 @@ class World:
         if options.solid:
             self._go = self._contacts.move
         else:  # only the border holds a robot
-            self._go = lambda body, wanted: body.go(
-                Pose(*bodies.inside(wanted, 0, self.facts.field), wanted.angle), self._moment
-            )
+            self._go = self._move_in_field
         self._fallen = bodies.FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: options.team.other}
         self._start(OURS)
@@ -340,6 +338,10 @@ class World:
         # Along the chord; negative for a robot that was pushed back.
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
+
+    def _move_in_field(self, body: bodies.RobotBody, wanted: Pose) -> None:
+        place = bodies.inside(wanted, 0, self.facts.field)
+        body.go(Pose(*place, wanted.angle), self._moment)
 
     def _tell(self, touch: bodies.Touch) -> None:
         self.touches.append(touch)
