@@ -40,7 +40,7 @@ def pdo(
 
 
 def with_entry(text: str, section: str, key: str, value: str | None) -> str:
-    """Give `key` in `[section]` another value, None: take its line out."""
+    """Return a text with another value of `key` in `[section]`; None removes its line."""
     line = "" if value is None else f"{key}={value}\n"
     changed, count = re.subn(rf"(\[{section}\]\n(?:[^\[\n].*\n)*?){key}=.*\n", rf"\g<1>{line}", text)
     assert count == 1, (section, key)

@@ -9,8 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("eurobot_od", "tools", "tests")
 PROPERTIES = ("property", "cached_property")
@@ -25,22 +23,34 @@ class Described(NamedTuple):
     first: str
 
 
+KINDS = (
+    ast.FunctionDef,
+    ast.AsyncFunctionDef,
+    ast.Expr,
+    ast.BinOp,
+    ast.IfExp,
+    ast.For,
+    ast.AsyncFor,
+    ast.comprehension,
+)
+"""The nodes that a rule looks at."""
+
+
 @cache
-def parsed(folder: str) -> list[tuple[str, list[ast.AST]]]:
-    """Return the files of a folder with all their nodes."""
-    files = sorted((ROOT / folder).rglob("*.py"))
-    return [(str(file.relative_to(ROOT)), [*ast.walk(ast.parse(file.read_text("utf-8")))]) for file in files]
+def nodes() -> list[tuple[str, ast.AST]]:
+    """Return these nodes of all files, each with its file."""
+    files = sorted(file for folder in FOLDERS for file in (ROOT / folder).rglob("*.py"))
+    trees = ((str(file.relative_to(ROOT)), ast.parse(file.read_text("utf-8"))) for file in files)
+    return [(file, node) for file, tree in trees for node in ast.walk(tree) if isinstance(node, KINDS)]
 
 
-def functions(folder: str) -> Iterator[Described]:
-    for file, nodes in parsed(folder):
-        for node in nodes:
-            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or not (said := ast.get_docstring(node)):
-                continue
-            returns = ast.unparse(node.returns) if node.returns else ""
-            is_property = any(ast.unparse(each).rpartition(".")[2] in PROPERTIES for each in node.decorator_list)
-            place = f"{file}:{node.lineno}"
-            yield Described(place, returns, is_property, said.partition("\n")[0])
+def functions() -> Iterator[Described]:
+    for file, node in nodes():
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or not (said := ast.get_docstring(node)):
+            continue
+        returns = ast.unparse(node.returns) if node.returns else ""
+        is_property = any(ast.unparse(each).rpartition(".")[2] in PROPERTIES for each in node.decorator_list)
+        yield Described(f"{file}:{node.lineno}", returns, is_property, said.partition("\n")[0])
 
 
 def mistake(each: Described) -> str:
@@ -53,9 +63,8 @@ def mistake(each: Described) -> str:
     return "an iterator" if is_iterator and each.first.startswith("Give ") else ""
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_a_docstring_begins_with_the_verb_for_what_is_returned(folder: str) -> None:
-    wrong = [f"{each.place}: {what}: {each.first}" for each in functions(folder) if (what := mistake(each))]
+def test_a_docstring_begins_with_the_verb_for_what_is_returned() -> None:
+    wrong = [f"{each.place}: {what}: {each.first}" for each in functions() if (what := mistake(each))]
     assert wrong == [], "Return whether ...; of a property Whether ...; Yield ..."
 
 
@@ -70,12 +79,10 @@ def is_condition(node: ast.AST) -> bool:
     return isinstance(node, CONDITIONS) or (isinstance(node, ast.Call) and ast.unparse(node.func) == "bool")
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_no_text_is_multiplied_by_a_condition(folder: str) -> None:
+def test_no_text_is_multiplied_by_a_condition() -> None:
     wrong = [
         f"{file}:{node.lineno}: {ast.unparse(node)}"
-        for file, nodes in parsed(folder)
-        for node in nodes
+        for file, node in nodes()
         if isinstance(node, ast.BinOp)
         and isinstance(node.op, ast.Mult)
         and is_text(node.left)
@@ -84,30 +91,20 @@ def test_no_text_is_multiplied_by_a_condition(folder: str) -> None:
     assert wrong == [], "write a conditional expression"
 
 
-ROOMS = [
-    str(room.relative_to(ROOT))
-    for folder in FOLDERS
-    for room in sorted((ROOT / folder).iterdir())
-    if room.is_dir() and any(room.glob("*.py"))
-]
-
 UNIT_ALONE = re.compile(r"(Milliseconds|Seconds) (that|after|in|of|from|by|for|between|until|which|without|an?)\b")
 
 BANNED = re.compile(r"(Say|Tell|Give|Have|See|Let|Raise|Look|Seconds|Milliseconds|Make sure)\b")
 
 
-@pytest.mark.parametrize("folder", ROOMS)
-def test_no_docstring_begins_with_a_vague_verb(folder: str) -> None:
-    wrong = [f"{each.place}: {each.first}" for each in functions(folder) if BANNED.match(each.first)]
+def test_no_docstring_begins_with_a_vague_verb() -> None:
+    wrong = [f"{each.place}: {each.first}" for each in functions() if BANNED.match(each.first)]
     assert wrong == [], "name what the function does: Return, Yield, Send, Check, ..."
 
 
-@pytest.mark.parametrize("folder", ROOMS)
-def test_no_constant_is_described_by_its_unit_alone(folder: str) -> None:
+def test_no_constant_is_described_by_its_unit_alone() -> None:
     wrong = [
         f"{file}:{node.lineno}: {node.value.value}"
-        for file, nodes in parsed(folder)
-        for node in nodes
+        for file, node in nodes()
         if isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)
         and isinstance(node.value.value, str)
@@ -116,24 +113,20 @@ def test_no_constant_is_described_by_its_unit_alone(folder: str) -> None:
     assert wrong == [], "say what the constant is, and its unit: Timeout of an answer, in s."
 
 
-@pytest.mark.parametrize("folder", ROOMS)
-def test_no_conditional_expression_is_inside_another_one(folder: str) -> None:
+def test_no_conditional_expression_is_inside_another_one() -> None:
     wrong = [
         f"{file}:{node.lineno}: {ast.unparse(node)}"
-        for file, nodes in parsed(folder)
-        for node in nodes
+        for file, node in nodes()
         if isinstance(node, ast.IfExp)
         and any(isinstance(inner, ast.IfExp) for inner in ast.walk(node) if inner is not node)
     ]
     assert wrong == [], "write an if statement"
 
 
-@pytest.mark.parametrize("folder", ROOMS)
-def test_no_loop_is_over_a_conditional_expression(folder: str) -> None:
+def test_no_loop_is_over_a_conditional_expression() -> None:
     wrong = [
         f"{file}:{node.iter.lineno}: {ast.unparse(node.iter)}"
-        for file, nodes in parsed(folder)
-        for node in nodes
+        for file, node in nodes()
         if isinstance(node, ast.For | ast.AsyncFor | ast.comprehension) and isinstance(node.iter, ast.IfExp)
     ]
     assert wrong == [], "choose what to loop over in a statement of its own"

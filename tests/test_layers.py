@@ -100,7 +100,7 @@ def imported(file: Path) -> Iterator[str]:
 
 @cache
 def imports() -> dict[str, set[str]]:
-    """Give what each module imports of ours; the package itself only passes names on, and stands in no layer."""
+    """Return the modules of the package that each module imports, without the package itself, which is in no layer."""
     return {module: set(imported(file)) - {module} for module, file in MODULES.items() if module}
 
 
@@ -135,7 +135,7 @@ def test_packages_import_each_other_in_no_circle() -> None:
 
 
 def robot_imports() -> dict[str, set[str]]:
-    """Give what each unit of the robot imports of its others."""
+    """Return the other units of the robot that each unit imports."""
     units: dict[str, set[str]] = {}
     for module, others in imports().items():
         if unit_of(module) == ROBOT and module != ROBOT:

@@ -39,7 +39,7 @@ Install = Callable[..., None]
 
 
 def forget() -> None:
-    """Have what is installed be looked for anew."""
+    """Search installed plug-ins again."""
     for each in (loading._entry_points, loading._installed, loading._packages):
         each.cache_clear()
 

@@ -104,7 +104,7 @@ def test_the_package_is_shown_what_linux_has_and_windows_has_not() -> None:
 
 @pytest.fixture
 def windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the modules of this file's tests see a system that is called "nt"."""
+    """Make the modules of this file's tests see a system that is called "nt"."""
     for module in (cli, files, progress):
         monkeypatch.setattr(module, "os", Lacking(os, NAMES["os"], {"name": "nt"}))
 
