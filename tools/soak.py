@@ -413,11 +413,18 @@ class Soak:
     """The processes on their bus, and the faults injected so far."""
 
     def __init__(
-        self, transport: Remote | SocketCan, seed: int, folder: Path, broken: str = "", only: Sequence[str] = ()
+        self,
+        transport: Remote | SocketCan,
+        seed: int,
+        folder: Path,
+        broken: str = "",
+        only: Sequence[str] = (),
+        foreign: int = 0,
     ) -> None:
         self.transport = transport
         self.dice = random.Random(seed)
         self._only = only
+        self._foreign = foreign
         self.records: list[FaultRecord] = []
         self.wrong: list[str] = []
         self.sent_at: list[float] = []
@@ -435,7 +442,7 @@ class Soak:
         gatekeeper.add_node(lambda: HEARD, self._hear, "soak")
         self.live = Live(self.opener(), gatekeeper, opener=self.opener)
         self.stands: list[float | None] = []
-        self._logger: Program | None = None
+        self._beside: dict[str, Program] = {}
 
     @property
     def everybody(self) -> tuple[Role, ...]:
@@ -559,6 +566,9 @@ class Soak:
         with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
             for node_id in NODE_IDS.values():
                 node = master.node(node_id)
+                # Between gotos the core asks the drive itself: of two clients on one channel (CiA 301, 7.2.4.1), each
+                # ends the other's transfer.
+                self.wait(self.goes_on())
                 if node.upload((0x1008, 0)) != node.upload_block((0x1008, 0)):
                     self.wrong.append(f"node {node_id}: its name by segments is not that by blocks")
                 with suppress(EurobotError):
@@ -596,13 +606,16 @@ class Soak:
                 since = time.monotonic()
         return None
 
-    def log_beside(self) -> None:
-        """Run python-can's own logger on the bus, too; it ends when its bus is lost."""
-        if self._logger is None or self._logger.popen.poll() is not None:
-            interface, channel = self.transport.bus
-            file = str(self._folder / "beside.asc")
-            command = ("-m", "can.logger", "-i", interface, "-c", channel, "-f", file)
-            self._logger = Program(sys.executable, *command, took=lambda _: None)
+    def run_beside(self) -> None:
+        """Run python-can's own logger on the bus, and a stranger if asked; each ends when its bus is lost."""
+        interface, channel = self.transport.bus
+        file = str(self._folder / "beside.asc")
+        commands = {"logger": ("-m", "can.logger", "-i", interface, "-c", channel, "-f", file)}
+        if self._foreign:
+            commands["stranger"] = ("-c", STRANGER, interface, channel, str(self._foreign))
+        for name, command in commands.items():
+            if name not in self._beside or self._beside[name].popen.poll() is not None:
+                self._beside[name] = Program(sys.executable, *command, took=lambda _: None)
 
     def store(self) -> Iterator[Condition]:
         """Store a setting in navigation, and kill it.
@@ -682,7 +695,7 @@ class Soak:
             self.wait(lambda: all((role.last or 0) >= quiet for role in self.everybody))
 
     def _inject(self, kind: str) -> None:
-        self.log_beside()
+        self.run_beside()
         began = time.monotonic()
         steps = self.faults()[kind]()
         noticed = recovered = None
@@ -701,8 +714,8 @@ class Soak:
         for role in self.everybody:
             role.note_life()
         self.monitor.interrupt()
-        if self._logger is not None:
-            self._logger.kill()
+        for program in self._beside.values():
+            program.kill()
         for role in self.everybody:
             role.kill()
         self.transport.close()
@@ -794,6 +807,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--minutes", type=float, default=10.0, metavar="N", help="how long (default: %(default)s)")
     command.add_argument("--seed", type=int, default=1, help="which faults, and when (default: %(default)s)")
     command.add_argument("--remote", action="store_true", help="python-can-remote even where there is a vcan0")
+    command.add_argument("--foreign", type=int, default=0, metavar="N", help="foreign frames a second, all the time")
     command.add_argument("--self-test", action="store_true", help="nodes broken on purpose: each is found wrong")
     return command
 
@@ -841,11 +855,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found.append(is_found)
         return FINE if all(found) else WRONG
     with tempfile.TemporaryDirectory() as folder:
-        soak = Soak(transport(), options.seed, Path(folder))
+        soak = Soak(transport(), options.seed, Path(folder), foreign=options.foreign)
         started = time.monotonic()
         soak.run(lambda _: time.monotonic() >= started + 60 * options.minutes)
         seconds = time.monotonic() - started
-    command = f"python3 tools/soak.py --minutes {options.minutes:g} --seed {options.seed}"
+    command = f"python3 tools/soak.py --minutes {options.minutes:g} --seed {options.seed} --foreign {options.foreign}"
     for line in report(soak, command, seconds):
         print(line, flush=True)
     return WRONG if soak.complaints() else FINE
