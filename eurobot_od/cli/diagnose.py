@@ -27,7 +27,7 @@ from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, lines
 from eurobot_od.traffic.diagnosis.questions import Questions
 from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.monitor import BusSource
+from eurobot_od.traffic.monitor import CLOCK_SET, BusSource
 
 WORDS = (*LEVELS.values(), "never")
 """Choices of `--fail-on`, worst first."""
@@ -168,7 +168,7 @@ def _listen(
     if not diagnosis.frames:
         diagnosis.silent()
     diagnosis.end(now - behind)
-    diagnosis.missed(source.notes)
+    diagnosis.missed(each for each in source.notes if not each.startswith(CLOCK_SET.partition("{")[0]))
     if behind > BEHIND:
         diagnosis.missed([f"the last {texts.text(behind, 1)} of the bus: this computer was behind by that"])
 

@@ -437,6 +437,9 @@ RESOLUTION = 0.002
 FRAMES_LOST = "{} frames have been lost so far because the driver's queue was full"
 """Note on lost frames, with their number."""
 
+CLOCK_SET = "the clock was set by {:.1f} s; times go on as before"
+"""Note on a set clock, with the change; no frame is lost."""
+
 NOTED_AGAIN = 5.0
 """Minimum time before the note is repeated, in s, unless twice as many were lost."""
 
@@ -454,6 +457,10 @@ class FrameUnderWay:
     frame: Frame
     entered: float
     taken: bool | None = None
+
+
+SET = 1.0
+"""What the driver's clock goes back, or ahead of ours, at least, when it was set, in s; a frame read late does not."""
 
 
 class BusSource:
@@ -480,6 +487,8 @@ class BusSource:
         self._heard = (0.0, clock())
         """Time of the last frame by the driver's clock and by ours; one tuple, as several threads read it."""
         self._offset, self._restarted, self._is_stamped = 0.0, False, False
+        self._ahead = -inf
+        """By how much the driver's clock is ahead of ours, by the frame that was read soonest."""
         self._overflow = 0
         self._noted = -inf
         self._given = 0.0
@@ -514,12 +523,21 @@ class BusSource:
         self._enter(message.timestamp, raw)
 
     def _enter(self, stamp: float, raw: Raw) -> None:
-        """Add an entry with its time, adjusted after a restart as a driver's clock may start anywhere."""
-        if self._restarted and (stamp + self._offset < self._heard[0] or not self._is_stamped):
-            self._offset = self.now - stamp
+        """Add an entry with its time, which goes on as before if the driver's clock was set or has begun anew."""
+        seen = self._clock()
+        time = stamp + self._offset
+        if not self._is_stamped:
+            self._offset += self.now - time if self._restarted else 0.0
+        elif not self._heard[0] - (0.0 if self._restarted else SET) <= time <= seen + self._ahead + SET:
+            expected = seen + self._ahead
+            self._offset += expected - time
+            if not self._restarted:
+                self.notes.append(CLOCK_SET.format(time - expected))
         self._restarted, self._is_stamped = False, True
-        self._heard = stamp + self._offset, self._clock()
-        self._came.append((self._heard[0], raw))
+        time = stamp + self._offset
+        self._heard = time, seen
+        self._ahead = max(self._ahead, time - seen)
+        self._came.append((time, raw))
 
     def send(self, frame: Frame, timeout: float) -> bool:
         """Send a frame on this bus; return False if the driver does not accept it in `timeout` s. Raises BusError.

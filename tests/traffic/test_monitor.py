@@ -357,13 +357,31 @@ def test_sent_frames_are_in_bus_order() -> None:
     source.close()
 
 
-def test_times_go_back_only_with_a_clock_that_is_set() -> None:
-    stamps = (5.0, 4.9997, 5.001, 3.0, 3.1)
+def test_times_go_on_when_the_clock_is_set_back_and_forth() -> None:
+    stamps = (5.0, 4.9997, 5.001, 3.0, 3.1, 3603.2, 3.3)  # all read within a moment
     source = BusSource(
-        Driver(*(can.Message(timestamp=at, arbitration_id=0x701, is_extended_id=False) for at in stamps))
+        Driver(*(can.Message(timestamp=at, arbitration_id=0x701, is_extended_id=False) for at in stamps)), lambda: 70.0
     )
     found: list[Timed] = []
     with pytest.raises(BusError):
-        receive(source, found, 6)
-    assert [time for time, _ in found] == [5.0, 5.0, 5.001, 3.0, 3.1]
+        receive(source, found, 8)
+    assert [time for time, _ in found] == pytest.approx([5.0, 5.0, 5.001, 5.001, 5.101, 5.101, 5.101])
+    assert source.notes == [
+        f"the clock was set by {by} s; times go on as before" for by in ("-2.0", "3600.1", "-3599.9")
+    ]
+    source.close()
+
+
+def test_frames_read_late_are_no_clock_that_is_set() -> None:
+    now = iter((0.0, 0.0, 0.0, 9.0, 9.0, 9.0, 9.1, 9.1, *[9.2] * 9))  # it stood still for 9 s
+    stamps = (5.0, 5.1, 9.0, 14.1)
+    source = BusSource(
+        Driver(*(can.Message(timestamp=at, arbitration_id=0x701, is_extended_id=False) for at in stamps)),
+        lambda: next(now),
+    )
+    found: list[Timed] = []
+    with pytest.raises(BusError):
+        receive(source, found, 5)
+    assert [time for time, _ in found] == list(stamps)
+    assert source.notes == []
     source.close()
