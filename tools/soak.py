@@ -610,7 +610,9 @@ class Soak:
         """Run python-can's own logger on the bus, and a stranger if asked; each ends when its bus is lost."""
         interface, channel = self.transport.bus
         file = str(self._folder / "beside.asc")
-        commands = {"logger": ("-m", "can.logger", "-i", interface, "-c", channel, "-f", file)}
+        commands: dict[str, tuple[str, ...]] = {
+            "logger": ("-m", "can.logger", "-i", interface, "-c", channel, "-f", file)
+        }
         if self._foreign:
             commands["stranger"] = ("-c", STRANGER, interface, channel, str(self._foreign))
         for name, command in commands.items():
