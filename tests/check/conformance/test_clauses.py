@@ -54,6 +54,12 @@ def test_what_a_file_lacks_is_skipped_with_the_reason_in_place_of_all_steps() ->
     assert left_out == {"name": "7.4 Twice: not done [reversible]", "skip": "only with --reversible"}
 
 
+def test_a_device_without_an_error_register_is_asked_for_a_number_and_for_no_text() -> None:
+    text = variable("1008", "Device name", "VISIBLE_STRING", "") + variable("1017", "Heartbeat", "UNSIGNED16", "0")
+    dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
+    assert DeviceUnderTest(dictionary).probe == HEARTBEAT_TIME
+
+
 def test_a_group_of_a_fresh_chapter_begins_and_ends_with_a_reset() -> None:
     together = made("")[2]
     assert together["name"] == "7.2 A need: together [reading, CTT 2.1]"

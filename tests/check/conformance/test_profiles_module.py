@@ -72,3 +72,11 @@ def test_with_outputs_they_are_switched_and_restored() -> None:
 def test_a_manufacturers_file_of_inputs_and_outputs_is_green() -> None:
     done = steps(suite(file=IO_MODULE), SimulatedModule)
     assert {each.status for each in done} == {Status.PASSED, Status.SKIPPED}
+
+
+def test_only_the_functions_that_a_module_says_it_has_are_read(tmp_path: Path) -> None:
+    file = tmp_path / "outputs.eds"
+    file.write_text(EDS.read_text().replace("DefaultValue=0x000F0191", "DefaultValue=0x00020191"))
+    done = {each.name: each.status for each in steps(suite(False, False, file), SimulatedModule)}
+    read_ones = [name for name, status in done.items() if "Device type" in name and status is Status.PASSED]
+    assert [name.split(": ")[1] for name in read_ones] == ["an I/O module [reading]", "digital outputs [reading]"]
