@@ -138,6 +138,11 @@ SOURCES: list[Callable[[], UnitSource]] = [
     *(eds_keys, comments, xdd, xdd_with_a_list_of_units, patch, network_file, device_yaml, package),
     *(si_unit_of_a_drive, turns_of_a_drive),
 ]
+KINDS = (eds_keys, package, si_unit_of_a_drive)
+"""A unit of the file, one by the device's identity, and one by its objects: each command has to find these three.
+
+The other sources become units of the file when it is loaded, which one command shows.
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -171,7 +176,10 @@ SAYS: list[tuple[Command, str]] = [
 
 
 @pytest.mark.parametrize(
-    ("command", "wanted"), SAYS, ids=lambda each: " ".join(each) if isinstance(each, tuple) else ""
+    ("source", "command", "wanted"),
+    [*((each, *SAYS[1]) for each in SOURCES), *((each, *row) for each in KINDS for row in SAYS if row != SAYS[1])],
+    ids=lambda each: " ".join(each) if isinstance(each, tuple) else getattr(each, "__name__", ""),
+    indirect=["source"],
 )
 def test_a_command_prints_the_unit(
     capsys: pytest.CaptureFixture[str], source: UnitSource, command: Command, wanted: str
@@ -191,6 +199,7 @@ APART: list[Command] = [
 ]
 
 
+@pytest.mark.parametrize("source", KINDS, ids=lambda each: each.__name__, indirect=True)
 @pytest.mark.parametrize("command", APART, ids=" ".join)
 def test_json_has_value_and_unit_apart(
     capsys: pytest.CaptureFixture[str], source: UnitSource, command: Command
