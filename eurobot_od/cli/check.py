@@ -32,7 +32,7 @@ from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:
-    from eurobot_od.check.conformance.made import MadeSuites
+    from eurobot_od.check.conformance.suite import MadeSuites
     from eurobot_od.check.runner import Interrupt
 
 
@@ -200,7 +200,7 @@ def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
 
 
 def _motion(text: str) -> tuple[int, int]:
-    from eurobot_od.check.conformance.made import parse_motion  # with the suites: most commands do without
+    from eurobot_od.check.conformance.suite import parse_motion  # with the suites: most commands do without
 
     return parse_motion(text)
 
@@ -232,7 +232,7 @@ class Made:
     def suites(self) -> MadeSuites:
         """Return the generated suites."""
         from eurobot_od.check.conformance.clauses import Tier
-        from eurobot_od.check.conformance.made import MadeSuites
+        from eurobot_od.check.conformance.suite import MadeSuites
 
         tier = Tier.REVERSIBLE if self.reversible else Tier.READING
         if self.destructive:

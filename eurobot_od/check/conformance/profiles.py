@@ -21,8 +21,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Clause, DeviceUnderTest, Need, Tier, awake, need
-from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
-from eurobot_od.check.conformance.suite import documents
+from eurobot_od.check.conformance.step import Data, Steps, documents, hexadecimal, title
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od import cia401, cia402
 from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs

@@ -1,8 +1,10 @@
-"""Steps as plain data: a function per kind, and how a step writes numbers, objects and abort codes."""
+"""Steps as plain data: a function per kind, how a step writes numbers, objects and abort codes, and steps as YAML."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeAlias
 
 from canopen.objectdictionary import ODVariable
@@ -190,3 +192,47 @@ def remote(cob_id: int, length: int = 1) -> Data:
 def emcy(name: str, code: int) -> Data:
     """Return a step that waits for an EMCY."""
     return {"name": name, "emcy": hexadecimal(code), "within": ANSWER_TIME}
+
+
+# Steps as text
+
+BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
+"""Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
+
+QUOTED = ("name", "skip", "data")
+"""Keys whose values are always texts."""
+
+
+def documents(suites: Iterable[Data]) -> str:
+    """Return suites as the YAML documents of one file."""
+    lines: list[str] = []
+    for suite in suites:
+        lines.append("---")
+        for key, value in suite.items():
+            if key in ("setup", "steps", "teardown"):
+                lines.append(f"{key}:")
+                lines += [line for step in value for line in _step_lines(step, "  ")]
+            else:
+                lines.append(f"{key}: {_inline(value, key)}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _step_lines(data: Data, indent: str) -> Iterator[str]:
+    """Yield a step on one line, a group with one line per step."""
+    if "steps" not in data:
+        yield f"{indent}- {_inline(data)}"
+        return
+    yield f"{indent}- name: {_inline(data['name'], 'name')}"
+    yield f"{indent}  steps:"
+    for each in data["steps"]:
+        yield from _step_lines(each, indent + "    ")
+
+
+def _inline(value: Any, key: str = "") -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {_inline(each, name)}" for name, each in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_inline(each, key) for each in value) + "]"
+    text = str(value)
+    bare = isinstance(value, int) or (key not in QUOTED and BARE.fullmatch(text))
+    return text if bare else json.dumps(text, ensure_ascii=False)

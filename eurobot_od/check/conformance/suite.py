@@ -1,61 +1,22 @@
-"""Writes the suites of a device, from all chapters, as the text of one file."""
+"""Writes the suites of devices as text: those of CiA 301 from all chapters, or of a profile, up to which tier."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
 
-from eurobot_od.check.conformance import broadcasts, nmt, objects, pdo, sdo, step, storage
+from eurobot_od.check.conformance import broadcasts, nmt, objects, pdo, profiles, sdo, step, storage
 from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, DeviceUnderTest, Tier, awake
-from eurobot_od.check.conformance.step import Data, hexadecimal, title
-from eurobot_od.check.report import AS_THEY_WERE
+from eurobot_od.check.conformance.page import DeviceRun
+from eurobot_od.check.conformance.step import Data, documents, hexadecimal, title
+from eurobot_od.check.report import AS_THEY_WERE, SuiteResult
+from eurobot_od.errors import LocalError
+from eurobot_od.od import cia401
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERRORS, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID
-
-BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
-"""Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
-
-QUOTED = ("name", "skip", "data")
-"""Keys whose values are always texts."""
-
-
-def documents(suites: Iterable[Data]) -> str:
-    """Return suites as the YAML documents of one file."""
-    lines: list[str] = []
-    for suite in suites:
-        lines.append("---")
-        for key, value in suite.items():
-            if key in ("setup", "steps", "teardown"):
-                lines.append(f"{key}:")
-                lines += [line for step in value for line in _step_lines(step, "  ")]
-            else:
-                lines.append(f"{key}: {_inline(value, key)}")
-    return "".join(f"{line}\n" for line in lines)
-
-
-def _step_lines(data: Data, indent: str) -> Iterator[str]:
-    """Yield a step on one line, a group with one line per step."""
-    if "steps" not in data:
-        yield f"{indent}- {_inline(data)}"
-        return
-    yield f"{indent}- name: {_inline(data['name'], 'name')}"
-    yield f"{indent}  steps:"
-    for each in data["steps"]:
-        yield from _step_lines(each, indent + "    ")
-
-
-def _inline(value: Any, key: str = "") -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{name}: {_inline(each, name)}" for name, each in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_inline(each, key) for each in value) + "]"
-    text = str(value)
-    bare = isinstance(value, int) or (key not in QUOTED and BARE.fullmatch(text))
-    return text if bare else json.dumps(text, ensure_ascii=False)
-
 
 CHAPTERS = (
     *(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo)),
@@ -99,3 +60,48 @@ def _suite(device: DeviceUnderTest, chapter: Chapter[DeviceUnderTest]) -> Data:
         [*([reset, up] * resets), alive, *([pause] * resets), *kept, first],
         [*([reset, up, alive] * resets), *back, last, *([alone] * resets)],
     )
+
+
+class MadeSuites(NamedTuple):
+    """Suites by CiA 301, or by a device `profile` (401, 402), up to a `tier`.
+
+    `motion`, a distance and a velocity in the drive's units, lets those of 402 move the motor; `outputs` lets those of
+    401 switch outputs.
+    """
+
+    profile: int | None = None
+    tier: Tier = Tier.READING
+    motion: tuple[int, int] | None = None
+    outputs: bool = False
+
+    def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
+        """Return the suites of each device, by the file name for reports; raises LocalError."""
+        is_reversible = self.tier is not Tier.READING
+        if self.profile is None:
+            make = partial(text, tier=self.tier)
+        elif self.profile == cia401.PROFILE:
+            make = partial(profiles.module_text, reversible=is_reversible, outputs=self.outputs)
+        else:
+            motion = profiles.MotionBounds(*self.motion) if self.motion else None
+            make = partial(profiles.drive_text, reversible=is_reversible, motion=motion)
+        return {file_of(each): make(each) for each in dictionaries}
+
+    def device_runs(
+        self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
+    ) -> list[DeviceRun]:
+        """Return the results by device; `made` says by which program and when."""
+        of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
+        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
+
+
+def parse_motion(text: str) -> tuple[int, int]:
+    """Parse the distance and velocity of a motor; raises LocalError."""
+    distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
+    if not (distance and velocity):
+        raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
+    return distance, velocity
+
+
+def file_of(device: Dictionary) -> Path:
+    """Return the file name of a device's suites."""
+    return Path(f"{device.name}.yaml")

@@ -12,7 +12,7 @@ from typing import Any
 from eurobot_od.check import report
 from eurobot_od.check.conformance import page
 from eurobot_od.check.conformance.clauses import Tier
-from eurobot_od.check.conformance.made import MadeSuites, parse_motion
+from eurobot_od.check.conformance.suite import MadeSuites, parse_motion
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.recorded import suite_of
 from eurobot_od.check.report import StepResult, SuiteResult

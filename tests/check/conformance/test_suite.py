@@ -15,7 +15,7 @@ from eurobot_od.check.actions.objects import SdoRead, SdoWrite
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.conformance.sdo import NO_NUMBER
-from eurobot_od.check.conformance.step import Data
+from eurobot_od.check.conformance.step import Data, documents
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.report import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
@@ -427,7 +427,7 @@ def test_only_steps_with_a_time_from_a_clause_wait_less_than_for_a_late_answer()
 
 def test_a_step_is_one_line() -> None:
     lines = "".join(f"  {line}\n" for _, line in STEPS)
-    assert suite.documents([{"steps": [step for step, _ in STEPS]}]) == f"---\nsteps:\n{lines}"
+    assert documents([{"steps": [step for step, _ in STEPS]}]) == f"---\nsteps:\n{lines}"
 
 
 NAMES = [
