@@ -81,6 +81,27 @@ def rows(file: Path, texts: list[str], number: int) -> None:
     pq.write_table(pa.table({"run": column}), file / "runs" / "a.parquet", store_schema=False)
 
 
+def lying(file: Path) -> None:
+    """Write a season in which a file of `runs` holds ten times the most bytes, in pages of which its footer says 1."""
+    rows(file, ["a" * MOST_BYTES * 10], 1)
+    made = file / "runs" / "a.parquet"
+    column = pq.ParquetFile(made).metadata.row_group(0).column(0)
+    content = made.read_bytes()
+    said = number(column.total_uncompressed_size)
+    assert content.count(said) == 2  # of the column and of the row group
+    made.write_bytes(content.replace(said, number(1, len(said))))
+
+
+def number(value: int, length: int = 0) -> bytes:
+    """A number as Thrift writes it in `length` bytes, at least."""
+    found = list[int]()
+    value <<= 1
+    while value > 0x7F or len(found) + 1 < length:
+        found.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*found, value])
+
+
 LINES = partial(ten_times, bound=document.MOST_LINES, part=b"\n")
 TAGS = partial(ten_times, bound=document.MOST_TAGS, part=b"<")
 VALUES = partial(ten_times, bound=yaml_places.MOST_VALUES, part=b"1,", begin=b"[")
@@ -100,6 +121,7 @@ FED: dict[str, tuple[str, Callable[[Path], None], str]] = {
         "query a 'SELECT * FROM runs'", partial(rows, texts=["a" * 1_000_000], number=10 * MOST_BYTES // 1_000_000),
         "damaged",
     ),
+    "pages of a season, whatever its footer says": ("query a 'SELECT * FROM runs'", lying, "damaged"),
 }  # fmt: skip
 
 

@@ -240,13 +240,15 @@ class Role:
         """Start the process; all is prepared for its first line before."""
         self._begin: tuple[Usage, int] | None = None
         self._up: float | None = None
+        self._told = float("inf")
         self.came_up = float("inf")
         self._counted = 0
         self.program = Program(*self._command, took=self._take)
 
     def kill(self) -> None:
         """End it by SIGKILL."""
-        self.pauses.append([time.monotonic() - MARGIN, float("inf")])
+        # What it has received since its last line nobody knows; on a busy machine that is more than half a second.
+        self.pauses.append([min(time.monotonic(), self._told) - MARGIN, float("inf")])
         self.program.kill()
 
     def interrupt(self) -> None:
@@ -279,6 +281,7 @@ class Role:
             self._saw(int(last))
 
     def _saw(self, number: int) -> None:
+        self._told = time.monotonic()
         if self._up is None:
             self._up = time.monotonic()
             self.before.append(range(0 if self.last is None else self.last + 1, number))

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError
+from eurobot_od.season import pages
 from eurobot_od.support.files import UNREADABLE, write_whole
 from eurobot_od.support.texts import encodable
 
@@ -117,24 +118,23 @@ def verified(file: Path, schema: pa.Schema | None = None) -> pa.Table | None:
             return None
         # Not `read_table`, whose imports take longer than reading a file.
         with pq.ParquetFile(file, page_checksum_verification=True) as opened:
-            table = _read(opened)
+            table = _read(file, opened)
     except (OSError, *UNREADABLE, pa.ArrowException):
         return None
     return table if table is None or schema is None or table.schema.equals(schema) else None
 
 
-def _read(opened: pq.ParquetFile) -> pa.Table | None:
+def _read(file: Path, opened: pq.ParquetFile) -> pa.Table | None:
     """Return the rows of a file; None if they are too many or too large."""
     footer = opened.metadata
     if footer.num_rows > MOST_ROWS:
         return None
-    groups = map(footer.row_group, range(footer.num_row_groups))
-    longest = max(
-        (each.column(n).total_uncompressed_size for each in groups for n in range(each.num_columns)), default=1
-    )
+    sizes = pages.unpacked(file, footer)
+    if sum(sizes) > MOST_BYTES:
+        return None
     batches = list[pa.RecordBatch]()
     size = 0
-    for batch in opened.iter_batches(min(max(AT_ONCE // max(longest, 1), 1), MOST_ROWS)):
+    for batch in opened.iter_batches(min(max(AT_ONCE // max(*sizes, 1, 1), 1), MOST_ROWS)):
         size += batch.nbytes
         if size > MOST_BYTES:
             return None
