@@ -67,7 +67,7 @@ def new_device(
         write_whole(file, text.encode())
     write_whole(folder / module / eds.name, read_whole(eds))
     print(*files, sep="\n")  # last, as a closed pipe ends the program
-    print("\ntry it:", f"cd {folder}", "pip install -e .", "pytest", sep="\n  ")
+    print("\ntry it:", f"cd {folder}", "pip install -e . pytest", "python -m pytest", sep="\n  ")
 
 
 def _write_device(folder: Path, name: str) -> None:

@@ -127,23 +127,27 @@ class PlayedMatch:
 
 
 class Prefixed(io.TextIOBase):
-    """Writes each line with something before it."""
+    """Writes each line with something before it, and at once, as other processes write to the same terminal."""
 
     def __init__(self, stream: TextIO, prefix: str) -> None:
         self._stream = stream
         self._prefix = prefix
-        self._begins = True
+        self._begun = ""
 
     def write(self, text: str) -> int:
         """Write a part of a text."""
-        for line in text.splitlines(keepends=True):
-            self._stream.write(self._prefix + line if self._begins else line)
-            self._begins = line.endswith("\n")
+        *lines, self._begun = (self._begun + text).split("\n")
+        self._stream.write("".join(f"{self._prefix}{line}\n" for line in lines))
         return len(text)
 
     def flush(self) -> None:
         """Flush the stream."""
         self._stream.flush()
+
+    def end(self) -> None:
+        """Write a last line without its end."""
+        if self._begun:
+            self.write("\n")
 
 
 def play(
@@ -181,6 +185,7 @@ def play(
             failure = "; ".join([*told, str(error)])  # first the cause: a node that has raised gives no answer
     if log and world and times:
         keep_truth(log, world, times[0], tell)
+    printed.end()
     return PlayedMatch(
         options.seed,
         gotos_in(events),

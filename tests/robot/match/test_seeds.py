@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,6 +22,7 @@ from eurobot_od.robot.match.seeds import (
     PlayedGoto,
     PlayedMatch,
     PlayedTask,
+    Prefixed,
     Spread,
     endings,
     play,
@@ -157,6 +159,16 @@ LOST = match(3, arrived(9.0), goto("lost"), points=4, touches=(POOL, FIRE))
 FAILED = PlayedMatch(4, failure="no answer")
 DISTANCE = next(figure for figure in FIGURES if figure.name.startswith("distance"))
 POINTS = FIGURES[0]
+
+
+def test_a_line_of_a_strategy_is_written_whole() -> None:
+    """The parts of two processes would mix otherwise."""
+    written: list[str] = []
+    printed = Prefixed(SimpleNamespace(write=written.append), "seed 1: ")  # type: ignore[arg-type]
+    for part in ("600", " ", "ARRIVED", "\n", "last"):
+        printed.write(part)
+    printed.end()
+    assert [each for each in written if each] == ["seed 1: 600 ARRIVED\n", "seed 1: last\n"]
 
 
 @pytest.mark.parametrize(
