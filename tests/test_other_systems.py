@@ -78,7 +78,7 @@ def test_a_command_runs_without_what_only_posix_has(
 
 
 @pytest.mark.long
-def test_what_only_posix_has_is_not_imported_with_the_package() -> None:
+def test_modules_of_posix_only_are_not_imported_with_the_package() -> None:
     assert [(str(file), name) for file in sorted((ROOT / "eurobot_od").rglob("*.py")) for name in at_once(file)] == []
 
 

@@ -120,6 +120,6 @@ def test_a_list_is_over_once_nothing_more_can_be_sent(text: str, is_over: bool) 
         ("- {send: 100#, trigger: 101}\n- {send: 101#, trigger: 100}", "row 1, 2: it would set itself off"),
     ],
 )
-def test_what_cannot_be_sent_is_refused_with_its_place(text: str, error: str) -> None:
+def test_a_row_that_cannot_be_sent_is_refused_with_its_place(text: str, error: str) -> None:
     with pytest.raises(EurobotError, match=error):
         read_list(text, "list.yaml", PROTOCOL)

@@ -119,5 +119,5 @@ def check_killed(words: str, folder: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("words", WRITING)
-def test_what_stands_after_a_kill_is_the_old_file_or_the_new_one(words: str, tmp_path: Path) -> None:
+def test_a_kill_leaves_the_old_file_or_the_new_one(words: str, tmp_path: Path) -> None:
     check_killed(words, tmp_path)

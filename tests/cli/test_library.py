@@ -119,7 +119,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), WRONG)
-def test_what_cannot_be_added_is_one_line_and_nothing_is_added(
+def test_a_file_that_cannot_be_added_is_one_line_and_nothing_is_added(
     capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:
     own = Path("own")

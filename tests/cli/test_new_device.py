@@ -72,7 +72,7 @@ def test_a_new_device_passes_all_that_its_readme_says(tmp_path: Path, capsys: py
     assert names >= {"README.md", "check.yml", "eurobot-od.yaml", "OD.h", "OD.c"}
 
 
-def test_what_it_writes_passes_its_own_test(package: Path) -> None:
+def test_a_new_device_passes_its_own_test(package: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(package), *sys.path])}
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"],
@@ -202,7 +202,7 @@ def test_a_broken_package_is_one_warning_with_its_place(
         (["x", "--package", "--eds", "none.eds"], "none.eds"),
     ],
 )
-def test_what_cannot_be_is_one_line(
+def test_a_wrong_call_is_one_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], said: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -107,7 +107,7 @@ def test_a_node_that_cannot_run_is_one_line(
 
 @pytest.mark.long
 @pytest.mark.posix
-def test_what_a_master_has_stored_survives_a_restart(
+def test_stored_parameters_survive_a_restart(
     capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
 ) -> None:
     bus, store = ("-i", "remote", "-c", shared_bus), ("--store", str(tmp_path / "lift.dcf"))
@@ -230,7 +230,7 @@ WITH_BOTH = [
 
 
 @pytest.mark.parametrize(("words", "complaint"), WITH_BOTH)
-def test_what_is_for_one_device_needs_its_name(
+def test_an_option_of_one_device_needs_the_name_of_the_device(
     capsys: pytest.CaptureFixture[str], eds: str, tmp_path: Path, words: list[str], complaint: str
 ) -> None:
     file = tmp_path / "network.yaml"

@@ -95,7 +95,9 @@ def test_a_log_is_shown_and_what_is_wrong_in_it_is_said(pages: Pages, serve: Ser
     assert list(shown[0].posts) == ["/files", "/log"]
 
 
-def test_what_a_page_cannot_hold_is_said(pages: Pages, serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_that_a_page_cannot_hold_are_reported(
+    pages: Pages, serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pages()
     monkeypatch.setattr("eurobot_od.web.page.MOST_FRAMES", 2)
     said = serve("one.log", "--eds", "5=motor.eds")
@@ -146,7 +148,7 @@ def test_a_bus_is_shown_and_acted_on_only_with_control(pages: Pages, serve: Serv
     assert not desk.folder.exists(), "what was recorded without a workspace is gone with the page"
 
 
-def test_what_is_chosen_is_shown_until_it_is_left(pages: Pages, serve: Serve, tmp_path: Path) -> None:
+def test_the_chosen_bus_or_log_is_shown_until_it_is_left(pages: Pages, serve: Serve, tmp_path: Path) -> None:
     async def choose(page: Shown) -> None:
         assert (await page.ask("/start", do="logs"))["ok"]
         assert await page.ask("/start", do="open", log="one.log") == {"ok": None}

@@ -50,7 +50,7 @@ def test_move_returns_at_the_target() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("method", [None, 35, 24, 18])
-def test_it_homes(method: int | None) -> None:
+def test_the_drive_homes(method: int | None) -> None:
     with drive(travel=(-5, 5)) as network:
         network[5][0x6099, 1].value = 600
         axis = network[5].drive402

@@ -138,7 +138,7 @@ def test_somebody_elses_notifier_has_no_listener_of_ours_at_the_end() -> None:
         notifier.stop()
 
 
-def test_what_a_frame_says_counts_in_an_event_loop_although_the_next_one_says_otherwise() -> None:
+def test_each_frame_counts_in_an_event_loop_even_if_the_next_contradicts_it() -> None:
     async def main(bus: can.BusABC) -> bool:
         feed = Hasty(bus)
         master = LoopMaster(feed)

@@ -301,9 +301,7 @@ def test_a_name_of_canopens_is_a_face_of_ours(ask: Callable[[SimulatedNetwork], 
         (lambda _: Network().scan(), EurobotError, "the network is not open yet: `connect`"),
     ],
 )
-def test_what_goes_wrong_is_said_in_one_line(
-    ask: Callable[[SimulatedNetwork], object], kind: type[EurobotError], text: str
-) -> None:
+def test_an_error_is_one_line(ask: Callable[[SimulatedNetwork], object], kind: type[EurobotError], text: str) -> None:
     with servo() as network, pytest.raises(kind, match=re.escape(text)):
         ask(network)
 

@@ -54,7 +54,7 @@ def test_a_pdo_that_a_master_has_moved() -> None:
     assert {each.cob_id for each in dictionary.pdos} - {each.cob_id for each in present.pdos} == {0x282}
 
 
-def test_what_a_node_refuses_is_the_files() -> None:
+def test_refused_pdo_parameters_are_those_of_the_file() -> None:
     dictionary = Dictionary.load(LIFT)
     present = dictionary.configured({(STATE_TPDO, 2): 255})
     assert [each.cob_id for each in present.pdos] == [each.cob_id for each in dictionary.pdos]

@@ -63,7 +63,7 @@ def test_without_a_node_id_it_sends_nothing_and_hears_only_lss() -> None:
     assert device.receive(Frame(0x000, b"\x01\x00"), 1.0) == []  # NMT: start all
 
 
-def test_it_boots_with_its_node_id_once_configuring_has_ended() -> None:
+def test_a_device_boots_with_its_node_id_once_configuring_has_ended() -> None:
     device = motor()
     ask(device, "04 01")
     assert ask(device, "11 05") == "7E4#1100000000000000"

@@ -90,7 +90,7 @@ def test_frames_sent_from_outside_wake_the_runner() -> None:
     assert node.next_wakeup == 1.0
 
 
-def test_what_is_to_be_done_soon_gets_the_time_of_the_next_tick() -> None:
+def test_an_action_planned_soon_gets_the_time_of_the_next_tick() -> None:
     node, called = cabin(), list[float]()
     node.soon(called.append)
     assert node.next_wakeup == 0.0

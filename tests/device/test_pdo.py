@@ -329,7 +329,7 @@ def test_a_frame_too_short_changes_no_value() -> None:
 
 
 @pytest.mark.parametrize("dialect", [lift.DIALECT, lift.REVERSED])
-def test_what_a_panel_sent_last_is_what_its_timed_tpdo_sends(dialect: str) -> None:
+def test_a_timed_tpdo_repeats_the_values_sent_last(dialect: str) -> None:
     wire = wired("panel", dialect)
     wire.write(MOVE_TPDO, 5, 100, size=2)
     wire.device.pdo_service.send(MOVE, wire.now)

@@ -31,7 +31,7 @@ def test_all_boot_up_and_obey_one_command() -> None:
     assert group.receive(START, 0.1) == [Frame(0x185, b"\5\0"), Frame(0x186, b"\5\0")]
 
 
-def test_what_one_sends_the_others_hear_and_a_frame_goes_out_once() -> None:
+def test_a_frame_of_one_station_reaches_the_others_and_the_bus_once() -> None:
     sender, hearer, other = device(5), receiver(6, 0x185), receiver(7, 0x195)
     group = NodeGroup([sender, hearer, other])
     group.start(0.0)

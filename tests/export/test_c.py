@@ -24,13 +24,13 @@ needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C com
 
 @needs_compiler
 @pytest.mark.parametrize("dialect", plant.DIALECTS)
-def test_it_reads_and_writes_frames_of_a_catalogue_as_we_do(dialect: str, tmp_path: Path) -> None:
+def test_the_header_reads_and_writes_frames_of_a_catalogue_as_we_do(dialect: str, tmp_path: Path) -> None:
     protocol = plant.protocol(dialect)
     exports.compare_c(protocol, described(protocol), tmp_path, FRAMES)
 
 
 @needs_compiler
-def test_it_reads_and_writes_numbers_of_any_type_and_place_as_we_do(tmp_path: Path) -> None:
+def test_the_header_reads_and_writes_numbers_of_any_type_and_place_as_we_do(tmp_path: Path) -> None:
     messages = list(made_up.ANY_NUMBERS.items())
     protocol = made_up.protocol(messages)
     exports.compare_c(protocol, made_up.typed(protocol, messages), tmp_path, FRAMES)

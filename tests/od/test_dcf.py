@@ -385,7 +385,7 @@ def test_a_nodes_own_dcf_and_an_eds_stay_as_they_are(node_id: int | None) -> Non
     assert renumbered(given, node_id or 6) is given
 
 
-def test_what_a_dcf_is_written_with_follows_the_node_id() -> None:
+def test_values_of_a_written_dcf_follow_the_node_id() -> None:
     eds = Dictionary.read(EDS.encode(), Path("a.eds"), 5)
     contents = {EMCY: 0x85, TPDO1: 0x391, TPDO2: 0x285, NODE_ID: 5, SPEED: 9}
     text = dcf.with_values(eds.device, dict(contents), 5, "five", 500)

@@ -121,7 +121,7 @@ def test_the_number_of_pdos_is_that_of_their_records() -> None:
     assert edited(after, "motor.eds", [removed("1801"), removed("1A01")]) == MOTOR
 
 
-def test_what_a_pdo_carries_already_keeps_its_length_and_its_spelling() -> None:
+def test_an_object_that_is_mapped_already_keeps_its_length_and_spelling() -> None:
     # Half of a value, such as a BOOLEAN in a whole byte; and a line that is written otherwise than we write it.
     before = MOTOR.replace(b"DefaultValue=0x20000110", b"DefaultValue=0x20000108").replace(
         b"0x60640020", b"0x60640020 "

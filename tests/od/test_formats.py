@@ -157,7 +157,7 @@ LEFT = '<parameter uniqueID="P"><UINT/><denotation><label lang="en">Left</label>
         (process(LEFT), "denotation", "Left"),
     ],
 )
-def test_what_a_file_does_not_say_the_schema_or_a_template_says(made: bytes, key: str, text: str) -> None:
+def test_missing_attributes_come_from_the_schema_or_a_template(made: bytes, key: str, text: str) -> None:
     assert read(made).text("2000", key) == text
 
 
@@ -267,7 +267,7 @@ def test_a_template_of_itself_ends() -> None:
     assert read(made).text("2000", "accesstype") == "ro"
 
 
-def test_what_an_editor_has_disabled_is_left_out_and_said() -> None:
+def test_objects_disabled_by_an_editor_are_left_out_and_reported() -> None:
     made = process('<parameter uniqueID="P"><UINT/><property name="CO_disabled" value="true"/></parameter>')
     dictionary = Dictionary.read(made, Path("a.xdd"), 5)
     assert (0x2000, 0) not in dictionary.addresses()

@@ -36,5 +36,5 @@ def test_a_device_that_is_not_the_one_of_its_file_is_told(
     ],
     ids=["another", "others", "one missing", "nobody", "all there"],
 )
-def test_who_is_missing_is_told_if_somebody_else_is_there(expected: list[int], heard: list[int], text: str) -> None:
+def test_a_missing_node_is_reported_beside_an_unexpected_one(expected: list[int], heard: list[int], text: str) -> None:
     assert absence(expected, heard) == text

@@ -133,7 +133,7 @@ def test_the_objects_of_connected_modules_are_written_in_place_of_their_section(
     assert made.has_modules
 
 
-def test_what_only_a_sub_index_can_say_is_a_comment_in_its_record() -> None:
+def test_keys_of_sub_indices_only_become_comments_in_a_record() -> None:
     head = "[2000]\nParameterName=Axis\nObjectType=9\nSubNumber=1\nAccessType=rw\n"
     text = f"{head}[2000sub0]\nParameterName=Count\nDataType=5\nAccessType=ro\n"
     data, changes = in_normal_form(text.encode())

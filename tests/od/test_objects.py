@@ -152,7 +152,7 @@ def test_without_a_type_bytes_are_shown_as_they_are(data: bytes, value: Value, s
     assert written(thing, value) == shown
 
 
-def test_what_a_pdo_maps_is_written_in_hexadecimal_whatever_its_default() -> None:
+def test_mapping_entries_are_written_in_hexadecimal_whatever_their_default() -> None:
     thing, size = typed(datatypes.UNSIGNED32), typed(datatypes.UNSIGNED8)
     thing.index = size.index = 0x1A00
     assert (written(thing, 0x60770010), written(thing, 0), written(size, 3)) == ("0x60770010", "0x00000000", "3")

@@ -412,7 +412,7 @@ LEFT_OUT: list[tuple[str, str, str, list[Address], list[str]]] = [
 @pytest.mark.parametrize(
     ("old", "new", "addresses", "words"), [row[1:] for row in LEFT_OUT], ids=[row[0] for row in LEFT_OUT]
 )
-def test_what_cannot_be_used_is_left_out_with_its_line(
+def test_unusable_objects_are_left_out_with_their_line(
     old: str, new: str, addresses: list[Address], words: list[str]
 ) -> None:
     data = BASE.replace(old, new).encode()

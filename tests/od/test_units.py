@@ -168,7 +168,7 @@ def test_a_drive_says_its_unit_of_position(tmp_path: Path, defaults: dict[str, s
     assert scale_of(variable) == position
 
 
-def test_what_a_file_says_of_an_object_counts_more_than_the_drives_units(tmp_path: Path) -> None:
+def test_the_unit_in_a_file_takes_precedence_over_the_drives_units(tmp_path: Path) -> None:
     servo = drive(tmp_path, x60A9="0xFD010300")
     units_of = {variable.unit or scale_of(variable).unit for variable in [servo.variable((0x606C, 0))] if variable}
     assert units_of <= {"rpm", "mm/s"}

@@ -152,7 +152,7 @@ def test_values_are_written_by_their_type(type_: DataType, data: str, value: Val
         (VISIBLE_STRING, 5),
     ],
 )
-def test_what_is_not_a_value_of_the_type_is_not_written(type_: DataType, value: Value) -> None:
+def test_a_value_of_another_type_is_not_written(type_: DataType, value: Value) -> None:
     with pytest.raises((ValueError, OverflowError)):
         type_.write(value)
 

@@ -75,7 +75,7 @@ def test_a_candump_log_gives_the_frames_that_were_written(frames: list[Frame]) -
 
 @pytest.mark.parametrize("form", ["log", "asc", "csv", "trc", "blf"])
 @given(frames=st.lists(FRAMES, min_size=1, max_size=8))
-def test_what_python_can_writes_is_read_as_it_was(
+def test_logs_written_by_python_can_are_read_unchanged(
     tmp_path_factory: pytest.TempPathFactory, form: str, frames: list[Frame]
 ) -> None:
     file = Path(tmp_path_factory.getbasetemp()) / f"written.{form}"

@@ -49,7 +49,7 @@ class StockLine:
 
 
 @given(contents, st.booleans(), st.booleans())
-def test_what_stock_canopen_writes_it_reads_again(content: bytes, blocks_in: bool, blocks_out: bool) -> None:
+def test_stock_canopen_reads_its_writes_from_our_server(content: bytes, blocks_in: bool, blocks_out: bool) -> None:
     shelf = Shelf()
     client = StockLine(SdoServer(shelf)).client
     if blocks_in and content:
@@ -88,7 +88,7 @@ class StockServer:
 
 
 @given(st.binary(min_size=1, max_size=2000))  # canopen refuses to read an object without bytes
-def test_what_our_client_writes_to_stock_canopen_it_reads_again(content: bytes) -> None:
+def test_our_client_reads_its_writes_from_stock_canopen(content: bytes) -> None:
     line = Line(StockServer())
     line.run(download(TEXT, content, WAIT))
     assert line.run(upload(TEXT, WAIT)) == content
@@ -103,7 +103,9 @@ def test_stock_canopen_has_no_block_transfer(make: Callable[[], Transfer]) -> No
 
 
 @given(contents, st.booleans(), st.booleans(), st.integers(1, 127))
-def test_what_our_client_writes_it_reads_again(content: bytes, blocks_in: bool, blocks_out: bool, size: int) -> None:
+def test_our_client_reads_its_writes_from_our_server(
+    content: bytes, blocks_in: bool, blocks_out: bool, size: int
+) -> None:
     line = Line(SdoServer(Shelf()))
     line.run((block_download if blocks_in else download)(TEXT, content, WAIT))
     assert line.run(block_upload(TEXT, WAIT, size) if blocks_out else upload(TEXT, WAIT)) == content

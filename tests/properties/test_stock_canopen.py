@@ -252,7 +252,7 @@ NOT_HELD: dict[str, list[Field]] = {
 
 
 @pytest.mark.parametrize("fields", NOT_HELD.values(), ids=list(NOT_HELD))
-def test_what_is_said_not_to_be_held_is_not_the_same(fields: list[Field]) -> None:
+def test_fields_that_stock_canopen_cannot_hold_differ(fields: list[Field]) -> None:
     case = made_up(fields)
     assert not is_held(case.stock)
     with pytest.raises((AssertionError, struct.error, ObjectDictionaryError)):

@@ -17,7 +17,7 @@ from eurobot_od.bus.live.event_loop import Watchdog
 from eurobot_od.errors import ProgramFailed
 
 
-def test_what_is_left_of_an_async_generator_cleans_up_before_the_loop_is_closed() -> None:
+def test_an_unfinished_async_generator_cleans_up_before_the_loop_is_closed() -> None:
     cleaned: list[asyncio.AbstractEventLoop] = []
 
     async def numbers() -> AsyncIterator[int]:

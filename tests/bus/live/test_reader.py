@@ -110,7 +110,7 @@ def test_a_driver_that_never_makes_sense_has_failed() -> None:
     assert str(Scene(*[GARBLED] * ENDURED).failure) == "the bus script failed: invalid frame"
 
 
-def test_what_came_while_the_process_stood_still_is_passed_over_and_counted_but_for_what_lasts() -> None:
+def test_frames_received_while_the_process_stood_still_are_dropped_and_counted_except_lasting_ones() -> None:
     scene = Scene(
         (1.0, message(0x100, AHEAD + 1.0)),
         (9.0, message(0x101, AHEAD + 2.0)),
@@ -167,7 +167,7 @@ def heard(silence: BusSilence, frames: list[tuple[float, int]], end: float) -> l
     return [(each.timestamp, each.text) for each in told]
 
 
-def test_what_stands_still_itself_or_has_lost_its_bus_does_not_call_it_silent() -> None:
+def test_a_process_that_stood_still_or_lost_its_bus_does_not_report_silence() -> None:
     silence, told = BusSilence(), list[Report]()
     assert heard(silence, REGULAR_BEATS, 3.0) == []
     silence.watch("can0", told.append, 60.0)  # it was stopped for a minute: what came meanwhile is still to be read

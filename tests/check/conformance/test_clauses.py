@@ -45,7 +45,7 @@ def made(heartbeat: str, tier: Tier = Tier.READING) -> list[Data]:
     return steps
 
 
-def test_what_a_file_lacks_is_skipped_with_the_reason_in_place_of_all_steps() -> None:
+def test_a_clause_that_the_file_lacks_is_one_skipped_step_with_the_reason() -> None:
     *alone, lacking, late, left_out = made("HighLimit=4\n")
     assert [each["name"] for each in alone] == ["7.1 Nothing needed: wait 2 ms [reading]",
                                                 "7.1 Nothing needed: wait 3 ms [reading]"]  # fmt: skip

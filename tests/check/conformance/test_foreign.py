@@ -245,7 +245,7 @@ def test_a_first_heartbeat_is_not_taken_for_an_answer_to_guarding() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", [LateReset, GeneralError])
-def test_what_the_standard_lets_a_device_do_is_green(kind: type[Node]) -> None:
+def test_optional_behaviour_of_the_standard_is_green(kind: type[Node]) -> None:
     assert red(done(kind, Tier.DESTRUCTIVE)) == []
 
 

@@ -132,7 +132,9 @@ LACKING = [
 
 
 @pytest.mark.parametrize(("name", "clause", "reason"), LACKING)
-def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, reason: str) -> None:
+def test_a_step_for_something_that_the_file_lacks_is_skipped_with_the_reason(
+    name: str, clause: str, reason: str
+) -> None:
     done = asked_for_everything(SAMPLES / name, Tier.REVERSIBLE).steps
     skipped = [each for each in done if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]

@@ -81,7 +81,7 @@ def test_canopens_drive_resets_a_fault(drive: Any) -> None:
 
 
 @pytest.mark.parametrize("method", [7, 17, 18, 24, 33, 35, 37])
-def test_it_homes(drive: Any, method: int) -> None:
+def test_base_node_402_homes_our_drive(drive: Any, method: int) -> None:
     drive.sdo[0x6098].raw = method
     drive.sdo[0x6099][1].raw = 600
     drive.sdo[0x6099][2].raw = 200

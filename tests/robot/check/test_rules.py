@@ -14,7 +14,7 @@ def test_rules_have_names_of_their_own() -> None:
     assert len(set(names)) == len(names)
 
 
-def test_what_to_do_names_commands_that_there_are_and_their_node_first() -> None:
+def test_remedies_name_existing_commands_with_their_node_first() -> None:
     named = [text.split() for each in EurobotRule for text in re.findall("`(.+?)`", each.remedy)]
     commands = [words for words in named if not words[0].startswith("-")]
     assert [words for words in commands if words[0] not in COMMANDS or "NODE" in words[2:]] == []

@@ -70,7 +70,7 @@ def test_the_help_ends_with_them(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.usefixtures("bus")
-def test_they_run(shell: Shell) -> None:
+def test_the_examples_run(shell: Shell) -> None:
     for name, text in FILES.items():
         Path(name).write_text(text, encoding="utf-8")
     Path("makers").mkdir()

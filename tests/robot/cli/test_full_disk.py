@@ -29,5 +29,5 @@ def test_a_read_only_folder_is_one_line_and_status_3(words: str, tmp_path: Path)
 
 @pytest.mark.long
 @pytest.mark.parametrize("words", ["new-robot mine", "match --for 1 --field out.svg"])
-def test_what_stands_after_a_kill_is_the_old_file_or_the_new_one(words: str, tmp_path: Path) -> None:
+def test_a_kill_leaves_the_old_file_or_the_new_one(words: str, tmp_path: Path) -> None:
     check_killed(words, tmp_path)

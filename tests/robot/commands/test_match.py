@@ -200,7 +200,7 @@ def test_a_team_plays_its_own_strategy(capsys: pytest.CaptureFixture[str], mine:
     assert said.out.splitlines()[-2:] == ["points: ours 0", "touches: none"]
 
 
-def test_what_a_strategy_prints_does_not_get_into_the_json(
+def test_prints_of_a_strategy_stay_out_of_the_json(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
 ) -> None:
     said = run(capsys, *SHORT, "--json", "--strategy", str(mine(ARRIVES)))
@@ -375,7 +375,7 @@ def test_wrong_usage_is_the_last_line(capsys: pytest.CaptureFixture[str], words:
         ),
     ],
 )
-def test_what_cannot_be_played_is_one_line(
+def test_a_match_that_cannot_be_played_is_one_line(
     capsys: pytest.CaptureFixture[str], words: list[str], status: int, complaint: str
 ) -> None:
     assert run(capsys, *SHORT, *words) == (status, "", f"eurobot-od: {complaint}\n")

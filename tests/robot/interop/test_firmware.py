@@ -70,7 +70,7 @@ def test_the_firmware_fails_as_the_page_says_and_passes_when_mended(folder: Path
 
 
 @pytest.mark.long
-def test_it_plays_with_core_and_navigation(folder: Path) -> None:
+def test_the_firmware_plays_with_core_and_navigation(folder: Path) -> None:
     subprocess.run(["patch", "-i", "mended.patch", "drive.c"], cwd=folder, check=True)
     shown = PAGE.partition("$ python play.py /dev/pts/3\n")[2].partition("```")[0]
     with running(folder) as terminal:
@@ -80,7 +80,7 @@ def test_it_plays_with_core_and_navigation(folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_it_allocates_nothing_and_knows_no_floats(folder: Path) -> None:
+def test_the_firmware_allocates_nothing_and_uses_no_floats(folder: Path) -> None:
     subprocess.run(["cc", "-std=c99", "-Os", "-c", "drive.c"], cwd=folder, check=True)
     undefined = subprocess.run(["nm", "-u", "drive.o"], cwd=folder, capture_output=True, text=True, check=True).stdout
     assert set(undefined.split()) - {"U"} <= {"can_send", "memset", "memcpy", "__stack_chk_fail"}

@@ -78,7 +78,7 @@ def test_a_strategy_that_raises_is_a_result() -> None:
     assert (match.points, match.failure) == (0, None)
 
 
-def test_what_a_strategy_prints_does_not_get_into_the_output(capsys: pytest.CaptureFixture[str]) -> None:
+def test_prints_of_a_strategy_stay_out_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
     play(MatchOptions(duration=0.5), FILES, Players(say))
     assert capsys.readouterr() == ("", "seed 1: done\n")
 

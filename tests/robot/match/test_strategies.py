@@ -46,7 +46,7 @@ def test_a_strategy_may_be_in_several_files_and_have_dataclasses(mine: Path) -> 
     assert load_strategy(mine).__globals__["Plan"]().speed == 70
 
 
-def test_what_a_file_prints_does_not_get_into_the_output(mine: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_prints_of_a_strategy_file_stay_out_of_the_output(mine: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine.write_text("print('loaded')\n" + GOOD)
     load_strategy(mine)
     assert capsys.readouterr() == ("", "loaded\n")

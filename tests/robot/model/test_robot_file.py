@@ -44,7 +44,7 @@ def line_of(text: str) -> int:
 
 
 @pytest.mark.parametrize(("text", "instead", "what"), WRONG)
-def test_what_is_wrong_is_one_line_with_its_place(tmp_path: Path, text: str, instead: str, what: str) -> None:
+def test_a_mistake_in_the_file_is_one_line_with_its_place(tmp_path: Path, text: str, instead: str, what: str) -> None:
     file = tmp_path / robot_file.NAME
     file.write_text(SHIPPED.replace(text, instead, 1), encoding="utf-8")
     with pytest.raises(YamlError, match=r"^[^\n]+$") as caught:

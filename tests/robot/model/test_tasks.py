@@ -48,7 +48,7 @@ def test_yellow_plays_the_mirror_image() -> None:
     )
 
 
-def test_what_is_shared_stands_in_the_same_place_for_both() -> None:
+def test_shared_tasks_are_in_the_same_place_for_both_teams() -> None:
     red, yellow = FACTS.tasks(TeamColour.RED), FACTS.tasks(TeamColour.YELLOW)
     for task in FACTS.red_tasks.values():
         if task.shared:

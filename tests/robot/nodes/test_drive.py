@@ -247,7 +247,7 @@ def test_a_goto_to_where_the_robot_fits_is_possible(goto: GotoXY, why: str) -> N
         ("Arrival.Position tolerance", 25, 15.0),  # who is allowed to deviate more has to stay clear by more
     ],
 )
-def test_what_a_goal_has_to_stay_clear_of_follows_from_the_body(setting: str, value: int, margin: float) -> None:
+def test_the_clearance_of_a_goal_follows_from_the_body(setting: str, value: int, margin: float) -> None:
     """A forced pool is avoided by its radius of 150 mm, our own, 10 mm of motion and 25 mm of uncertainty."""
     clear = 900 + round(150 + 140 + 10 + 25 + margin)
     seat = configured().write(setting, value)

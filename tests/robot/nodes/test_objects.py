@@ -149,7 +149,7 @@ def test_an_sdo_and_the_answer_to_a_request_agree_at_any_time(
 
 
 @pytest.mark.parametrize(("role", "name"), [row[:2] for row in MEASURED])
-def test_what_is_measured_is_not_written(role: str, name: str) -> None:
+def test_measured_objects_are_read_only(role: str, name: str) -> None:
     master = Master(role)
     index = master.index(name)
     assert master.refused((index, 1), 0, master.size((index, 1))) == AbortCode.READ_ONLY

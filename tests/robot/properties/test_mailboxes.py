@@ -81,7 +81,7 @@ def run(bench: Bench, steps: list[tuple[str, int]]) -> None:
 
 
 @given(st.integers(1, 4), STEPS)
-def test_what_is_loaded_is_the_most_urgent_and_counts_add_up(count: int, steps: list[tuple[str, int]]) -> None:
+def test_mailboxes_hold_the_most_urgent_frames_and_counts_add_up(count: int, steps: list[tuple[str, int]]) -> None:
     run(Bench(count), steps)
 
 

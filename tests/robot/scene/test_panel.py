@@ -97,19 +97,19 @@ def test_a_long_bus_does_not_fill_the_memory() -> None:
     assert len(panel._recorder.recording.path) <= 2 * KEPT
 
 
-def test_it_fits_networks_with_a_place_and_a_goto() -> None:
+def test_the_panel_fits_networks_with_a_place_and_a_goto() -> None:
     assert FieldPanel.fits(EurobotProtocol.load())
     assert not FieldPanel.fits(Protocol([]))
 
 
-def test_what_its_script_needs_is_data() -> None:
+def test_the_needs_of_the_panels_script_are_data() -> None:
     setup = json.loads(json.dumps(FieldPanel.setup()))
     assert [each["name"] for each in setup["robots"]] == [OURS, "raw position", "enemy 1", "enemy 2", "confederate"]
     assert setup["view"] == "-200 -50 3280 2150"
     assert setup["legend"][0][0] == "place and angle of a goto"
 
 
-def test_what_the_world_knows_besides() -> None:
+def test_touches_and_points_of_the_truth_are_events() -> None:
     truth = Truth(
         [PathPoint(-1.0, 1, 2, 3), PathPoint(1.0, 200, 1800, 0)],
         [TouchMark(2.0, Point(620, 1400), "ours touched fire 1", True)],

@@ -135,7 +135,7 @@ def test_team() -> None:
     assert recorded(ONE).team is None
 
 
-def test_what_the_world_knows_has_the_clock_of_the_messages() -> None:
+def test_events_of_the_world_have_the_clock_of_the_messages() -> None:
     touch = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True)
     score = Score(102.0, OURS, "tree 1", 3)
     said = Caption(103.0, OURS, "done")
@@ -183,7 +183,7 @@ def log(tmp_path: Path) -> Path:
     return file
 
 
-def test_what_is_written_is_read_again_by_the_logs_clock(log: Path) -> None:
+def test_a_written_truth_is_read_again_by_the_clock_of_the_log(log: Path) -> None:
     write_truth(log, TRUTH, 10.0)
     assert read_truth(log, 10.0) == TRUTH
     assert [each.time for each in read_truth(log).scores] == [2.5], "from the log's first frame on"
@@ -214,7 +214,7 @@ def test_a_log_that_is_no_file_has_nothing_beside_it(tmp_path: Path) -> None:
         '{"log": LOG, "path": [], "touches": [], "scores": [[1, "ours", "fruit", "many"]]}',
     ],
 )
-def test_what_is_damaged_is_one_line(log: Path, content: str) -> None:
+def test_a_damaged_truth_is_one_line(log: Path, content: str) -> None:
     write_truth(log, TRUTH, 0.0)
     digest = json.loads(truth_file(log).read_text())["log"]
     truth_file(log).write_text(content.replace("LOG", json.dumps(digest)))
@@ -223,7 +223,7 @@ def test_what_is_damaged_is_one_line(log: Path, content: str) -> None:
     assert "\n" not in str(raised.value)
 
 
-def test_what_is_of_another_log_is_refused(log: Path) -> None:
+def test_a_truth_of_another_log_is_refused(log: Path) -> None:
     write_truth(log, TRUTH, 0.0)
     log.write_text("(10.0) can0 008#\n")
     with pytest.raises(LocalError, match=r"of another log than match\.log"):

@@ -385,7 +385,7 @@ def test_nodes_tell_how_they_are(scene: Scene) -> None:
     page.wait("document.querySelectorAll('.errors')[2].textContent.includes('0x8130 ')")
 
 
-def test_what_is_wrong_is_red(scene: Scene) -> None:
+def test_faults_are_red(scene: Scene) -> None:
     with open_bus("virtual", scene.channel) as bus:
         Driver(bus).send(Frame(0x008, bytes(3)))
     scene.page.wait("document.querySelector('tr.is-wrong .defects')")

@@ -72,7 +72,7 @@ def test_play_moves_as_fast_as_the_wall_clock(page: Page, speed: float) -> None:
     assert float(shown.split()[0]) == pytest.approx(time, abs=0.06)
 
 
-def test_it_plays_to_the_end_and_again_from_the_start(page: Page) -> None:
+def test_a_replay_plays_to_the_end_and_again_from_the_start(page: Page) -> None:
     choose_speed(page, 16)
     page.click("#play")
     page.wait("!clock.running && clock.time > 0 && document.querySelector('#play').textContent === 'Play'")
@@ -313,7 +313,7 @@ def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
     assert window.run("document.querySelectorAll('.robot polygon').length") == 1, "the others are discs"
 
 
-def test_it_opens_where_somebody_is_seen_first(page: Page) -> None:
+def test_a_replay_opens_where_a_robot_is_seen_first(page: Page) -> None:
     first = page.run("""Math.min(...[...sources[0].rows.values()]
         .filter(each => each.name.endsWith('Position Response'))
         .map(each => each.times[each.columns[0].findIndex(x => x !== null)]))""")

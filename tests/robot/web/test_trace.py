@@ -111,7 +111,7 @@ def test_filters(scene: Scene, name: str, value: str, expected: list[str]) -> No
     assert len(scene.cells()) == len(FRAMES)
 
 
-def test_what_is_filtered_is_exported_and_can_be_read_again(scene: Scene, tmp_path: Path) -> None:
+def test_filtered_frames_are_exported_and_can_be_read_again(scene: Scene, tmp_path: Path) -> None:
     scene.send(*FRAMES)
     scene.choose("identifier", "100-7FF")
     log = tmp_path / "trace.log"
@@ -134,7 +134,7 @@ def test_times_are_relative_absolute_and_from_line_to_line(scene: Scene) -> None
     assert times["To mark"] == "mark a line"
 
 
-def test_it_is_paused_and_goes_on(scene: Scene) -> None:
+def test_the_trace_is_paused_and_goes_on(scene: Scene) -> None:
     scene.send("701#05")
     scene.page.run("traces[0].follow(false)")
     scene.send("702#05")

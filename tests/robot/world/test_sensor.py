@@ -40,7 +40,7 @@ def looks(sensor: Sensor) -> list[Detection | None]:
         (710.0, 0.0, False, "farther"),
     ],
 )
-def test_what_the_sensor_sees(gap: float, bearing: float, seen: bool, why: str) -> None:
+def test_the_sensor_sees_bodies_within_its_range_and_angle(gap: float, bearing: float, seen: bool, why: str) -> None:
     found = looking(EXACT, gap, bearing).look(0.0)
     assert (found is not None) is seen, why
     if found is not None:

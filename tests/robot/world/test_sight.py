@@ -37,7 +37,7 @@ def robot(x: float, y: float, angle: float = 0.0) -> RobotBody:
         ),
     ],
 )
-def test_what_is_in_sight(other: Body, seen: Detection | None, why: str) -> None:
+def test_the_nearest_body_ahead_is_detected(other: Body, seen: Detection | None, why: str) -> None:
     found = nearest_ahead(robot(1000, 1000), [other], 700.0, 30.0)
     assert (found and found.obstacle) is (seen and seen.obstacle), why
     assert (found or ())[1:] == pytest.approx((seen or ())[1:], abs=0.01), why

@@ -51,7 +51,7 @@ def test_the_number_of_readings_does_not_change_the_patrols() -> None:
     assert one.vehicle.pose(Source.ENEMY_1) == other.vehicle.pose(Source.ENEMY_1)
 
 
-def test_who_asks_how_often_does_not_change_where_the_others_were() -> None:
+def test_the_number_of_requests_does_not_change_the_courses_of_the_others() -> None:
     one, other = Place(enemies=2), Place(enemies=2)
     for _ in range(100):
         one.now += 0.1
@@ -228,7 +228,7 @@ def test_a_robot_that_stands_yields_a_little_to_one_that_drives_into_it() -> Non
         (200.0, 300.0, RIVAL, "both came, it was faster"),
     ],
 )
-def test_who_drove_into_whom(ours: float, theirs: float, at_fault: str, why: str) -> None:
+def test_a_touch_says_which_robot_drove_into_the_other(ours: float, theirs: float, at_fault: str, why: str) -> None:
     place = Place(enemies=1, rival=True)
     place.clear()
     place.put(1000, 1000, 0)

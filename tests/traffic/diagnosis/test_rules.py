@@ -33,7 +33,7 @@ def rows_of_the_page() -> list[list[str]]:
     return [row.split(" | ") for row in table.splitlines() if row.startswith("| ")][1:]
 
 
-def test_what_the_page_says_that_it_can_tell_has_a_rule_and_a_defect() -> None:
+def test_each_finding_on_the_page_of_rules_has_a_rule_and_a_defect() -> None:
     named = {each for row in rows_of_the_page() for each in re.findall(r"`([a-z-]+)`", row[0])}
     assert len(named) >= 25
     assert named <= {each.rule.id for each in DEFECTS}

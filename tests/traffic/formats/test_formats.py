@@ -114,7 +114,9 @@ def test_remote_frames(tmp_path: Path, form: str) -> None:
 
 @pytest.mark.parametrize(("message", "damage"), FOREIGN)
 @pytest.mark.parametrize("form", WRITTEN)
-def test_what_is_no_classic_base_data_frame(tmp_path: Path, form: str, message: can.Message, damage: Damage) -> None:
+def test_frames_other_than_classic_base_data_frames_are_foreign(
+    tmp_path: Path, form: str, message: can.Message, damage: Damage
+) -> None:
     if (form, damage) in NOT_WRITTEN:
         pytest.skip("python-can does not write it")
     found = raws(write(tmp_path, form, [*SENT, message, SENT[-1]]))

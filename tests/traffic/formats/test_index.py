@@ -73,7 +73,7 @@ def test_each_place_reads_on_as_the_whole_log_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("form", sorted(HEADS))
-def test_what_a_head_says_holds_behind_each_place(form: str, tmp_path: Path) -> None:
+def test_the_head_of_a_log_holds_from_each_place_on(form: str, tmp_path: Path) -> None:
     file = tmp_path / f"run.{form}"
     file.write_text(HEADS[form] + "".join(LINES[form].format(id=0x100 + n, n=n) for n in range(40)))
     index, whole = index_of(file, form), read_whole(file, form)

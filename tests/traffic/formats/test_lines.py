@@ -79,7 +79,7 @@ def test_frames(line: str, time: float, channel: str, frame: Frame) -> None:
 
 
 @pytest.mark.parametrize(("token", "damage"), FOREIGN)
-def test_what_is_no_classic_base_data_frame(token: str, damage: Damage) -> None:
+def test_frames_other_than_classic_base_data_frames_are_foreign(token: str, damage: Damage) -> None:
     assert read(f"(1.0) can0 {token}\n") == [(1, 1.0, "can0", Foreign(damage, token))]
 
 

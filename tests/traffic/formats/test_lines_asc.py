@@ -33,7 +33,7 @@ def test_frames_of_all_directions_are_read(direction: str) -> None:
         (" 2.5 canfd 2 Rx 1C0 1 0 1 1 0A 0 0 303000", "1", Foreign(Damage.FD, "1C0#0A")),
     ],
 )
-def test_what_is_no_classic_base_data_frame_says_so(line: str, channel: str, foreign: Foreign) -> None:
+def test_frames_other_than_classic_base_data_frames_are_foreign(line: str, channel: str, foreign: Foreign) -> None:
     assert read(line) == [(1, 2.5, channel, foreign)]
 
 
@@ -48,7 +48,7 @@ def test_what_is_no_classic_base_data_frame_says_so(line: str, channel: str, for
         " 2.5 1 800 Rx d 0",  # above 11 bits
     ],
 )
-def test_what_is_not_understood_is_unreadable(line: str) -> None:
+def test_unknown_lines_are_unreadable(line: str) -> None:
     ((_, _, _, raw),) = read(line + "\n")
     assert isinstance(raw, Foreign)
     assert raw.damage is Damage.UNREADABLE

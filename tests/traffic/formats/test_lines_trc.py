@@ -89,7 +89,7 @@ def test_times_count_from_the_start_that_the_header_says() -> None:
         "1 9e99 DT 2 0014 Rx - 0",
     ],
 )
-def test_what_is_not_understood_is_unreadable(line: str) -> None:
+def test_unknown_lines_are_unreadable(line: str) -> None:
     ((_, _, _, raw),) = read(f"{HEAD}{line}\n")
     assert isinstance(raw, Foreign)
     assert raw.damage is Damage.UNREADABLE

@@ -144,7 +144,7 @@ def test_times_are_in_seconds(text: str, time: float) -> None:
     assert found == pytest.approx(time)
 
 
-def test_what_python_can_prints_of_all_kinds_of_messages_is_read() -> None:
+def test_messages_of_all_kinds_as_python_can_prints_them_are_read() -> None:
     data = bytes.fromhex("0102")
     messages = [
         can.Message(timestamp=1.0, arbitration_id=0x18EEFF01, data=data, channel="can0"),

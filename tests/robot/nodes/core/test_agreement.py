@@ -187,7 +187,7 @@ def test_a_drive_remapped_by_a_master_is_noticed_at_the_next_check(tmp_path: Pat
     assert "Goto XY (0x008): Angle has 9 bits there, 10 here" in said(folder, folder, remap)
 
 
-def test_what_a_drive_maps_is_asked_again_after_a_loss(tmp_path: Path) -> None:
+def test_the_mapping_of_a_drive_is_read_again_after_a_loss(tmp_path: Path) -> None:
     """The drive that comes back has other bits: it was exchanged, or flashed anew."""
     old = made(TABLE, tmp_path / "old")
     new = made(changed(TABLE, "Speed: {bits: 8", "Speed: {bits: 7"), tmp_path / "new")

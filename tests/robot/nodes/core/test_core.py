@@ -220,7 +220,7 @@ def test_an_answer_that_does_not_come_in_time_is_an_error(alone: Bench) -> None:
         call.result(0)
 
 
-def test_what_the_core_can_neither_send_nor_receive_is_told_with_its_file(alone: Bench) -> None:
+def test_an_unmapped_message_is_an_error_that_names_the_cores_file(alone: Bench) -> None:
     with pytest.raises(StateError, match=r"core has no TPDO for GotoConfirm; .*core\.eds says what it can send"):
         alone.core.send(GotoConfirm())
     for receive in (lambda: alone.core.ask(GotoStateRequest(), GotoXY), lambda: alone.core.on(GotoXY, print)):

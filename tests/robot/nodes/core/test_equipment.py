@@ -98,7 +98,9 @@ def drive_with(bench: Bench, *distances: float | None) -> Call[Any]:
         ((300, 260, 220, None), False, "what is not seen any more is not stopped for"),
     ],
 )
-def test_what_the_robot_drives_into(distances: Sequence[float | None], meets: bool, why: str) -> None:
+def test_an_approaching_thing_is_met_at_the_stop_distance(
+    distances: Sequence[float | None], meets: bool, why: str
+) -> None:
     approach = Approach()
     last = False
     for distance in distances:
@@ -119,7 +121,7 @@ def test_the_core_stops_for_what_it_drives_into(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("distances", [(None,), (200,), (600, 550, 500, 450, 400)])
-def test_it_drives_on_for_what_is_not_in_the_way(bench: Bench, distances: tuple[float, ...]) -> None:
+def test_the_robot_drives_on_past_things_that_are_not_in_the_way(bench: Bench, distances: tuple[float, ...]) -> None:
     call = drive_with(bench, *distances)
     bench.run(0.4)
     assert not call.done()
