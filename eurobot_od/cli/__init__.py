@@ -79,7 +79,7 @@ MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time", "lss"), "bus"),
     **dict.fromkeys(("read", "write", "dump", "pdo", "emcy", "drive"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "program"), "objects"),
-    **dict.fromkeys(("archive", "query"), "season"),
+    "archive": "season",
     **dict.fromkeys(("export", "make-eds"), "files"),
     **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
