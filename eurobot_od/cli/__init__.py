@@ -84,7 +84,7 @@ MODULES = {
     **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
     "new-device": "new_device",
-    **dict.fromkeys(("diff", "edit"), "lint"),
+    "diff": "lint",
     "devices": "library",
     "faults": "node",
 }

@@ -1,4 +1,4 @@
-"""Commands that check, compare and change device files: `lint`, `diff` and `edit`."""
+"""Commands that check and compare device files (EDS, DCF, XDD, XDC): `lint` and `diff`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,11 @@ from eurobot_od.cli import ExitStatus, RobotName, complain
 from eurobot_od.cli.options import BusOptions, Json, OneDevice, check_node_id, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, look_up
-from eurobot_od.lint.edits import VERBS, Verb, difference, make_edit
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
-from eurobot_od.support.files import write_whole
 from eurobot_od.support.progress import OBJECTS, bar
 from eurobot_od.support.texts import one_line
 
@@ -314,42 +312,3 @@ def _live(bus: BusOptions, file: str, node_id: int) -> list[EdsDifference]:
         dictionary = Dictionary.load(file, node_id)
         master.follow(dictionary)
         return differences(master.node(node_id), dictionary, progress)
-
-
-def edit(
-    file: Annotated[str, Option(metavar="FILE", is_file=True)],
-    verb: Annotated[Verb, Option(choices=VERBS)],
-    words: Annotated[Sequence[str], Option(metavar="WORD")] = (),
-    *,
-    output: Annotated[Path | None, Option("-o", metavar="FILE")] = None,
-    dry_run: bool = False,
-) -> ExitStatus:
-    """Change an EDS or DCF: comments, order, line ends and every other line stay as they are.
-
-    A change that makes an error which `lint` finds is refused: an object twice, a value out of range, a PDO that maps
-    what cannot be mapped or is longer than 8 bytes. Other new findings are printed, and the exit status is 1.
-
-    file: an EDS or DCF; of an XDD `export eds` makes one
-    verb: what to do
-    words: an object, by 0x2001, 0x2001:3 or name, and what about it; type=, access=, default=, low=, high=, map=1 and
-        kind=RECORD are short for the keys
-    output: the file to write (default: the same file)
-    dry_run: show the difference, and write nothing
-
-    $ edit motor.eds set 0x1017 DefaultValue=500 HighLimit=5000
-    $ edit motor.eds add 2102 "Filter time" type=UNSIGNED16 access=rw default=20
-    $ edit motor.eds map TPDO1 "Motor.Speed" 0x6064
-    $ edit motor.eds insert profile 301 --dry-run
-    """
-    before = read_bytes(file)
-    made = make_edit(before, file, verb.changes(words))
-    for each in made.errors:
-        complain(f"not changed: {each}")
-    if made.errors:
-        return ExitStatus.WRONG_INPUT
-    if dry_run:
-        print("".join(f"{line}\n" for line in difference(before, made.data, file)), end="")
-    elif made.data != before or output:
-        write_whole(output or Path(file), made.data)
-    print("".join(f"{each}\n" for each in made.warnings), end="")
-    return ExitStatus.FOUND if made.warnings else ExitStatus.FINE
