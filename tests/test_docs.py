@@ -44,7 +44,9 @@ COMMENT = re.compile(r"|exit status \d( or \d)*|not run: .{8,}")
 PRINTED = re.compile(r"^ *print\(.*\)  # (.*)$", re.MULTILINE)
 
 STAND_INS = (
-    # (what a page says, what is run): no comment; a bus of this process; short matches, and few; any free port
+    # (what a page says, what is run): a drive whose core is off; no comment; a bus of this process; short matches, and
+    # few; any free port
+    (r"(.*) can0  # .*core.* off", r"\1 can2"),
     (r"\s+# .*", ""),
     (r"socketcan", "virtual"),
     (r"-i remote -c ws://\S+", "-i virtual -c can0"),
@@ -193,10 +195,11 @@ class Shell:
 
 @pytest.fixture(scope="module")
 def bus() -> Iterator[None]:
-    """The robot and a motor on a bus can0, a drive on can1; anything of this process can reach them."""
+    """The robot and a motor on can0, a drive on can1, the robot's drive alone on can2, for all of this process."""
     with ExitStack() as stack:
         for role in ("core", "drive", "navigation"):
             stack.enter_context(live(role, open_bus("can0")))
+        stack.enter_context(live("drive", open_bus("can2")))
         motor = SimulatedDevice.load(ROOT / "docs" / "motor.eds", node_id=5, given={"Motor.Speed": 1200})
         stack.enter_context(Live.node(open_bus("can0"), motor))
         servo = SimulatedDrive.load(ROOT / "docs" / "servo.eds", node_id=5)

@@ -33,6 +33,7 @@ from eurobot_od.device.station import OnError
 from eurobot_od.errors import BusError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support import extras
 
 POWER_UP = 0.1
@@ -177,7 +178,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
                 program.stop()
             await asyncio.sleep(0)  # a cancelled task ends only when the loop has its turn
 
-    return replace(loop.run(network, main()), raised=tuple(dict.fromkeys(raised(network.reports))))
+    return replace(loop.run(network, main()), remarks=tuple(dict.fromkeys(raised(network.reports))))
 
 
 def raised(reports: Sequence[Report]) -> Iterator[str]:
@@ -278,12 +279,23 @@ class LiveBench:
         return now
 
 
+def _played_but_present(suite: Suite, frames: Sequence[SeenFrame]) -> Iterator[str]:
+    """Yield a line for each node whose messages the tester sent while the node was on the bus."""
+    sent = {each.frame.cob_id for each in frames if each.own}
+    heard = {each.frame.cob_id for each in frames if not each.own}
+    for name, dictionary in suite.dictionaries.items():
+        messages = {each.cob_id for each in suite.decoder.protocol.bindings if name in each.senders}
+        if name not in suite.nodes and messages & sent and ERROR_CONTROL_BASE + dictionary.node_id in heard:
+            yield f"{name} (node {dictionary.node_id}) is on this bus, and the tester sends its messages: switch it off"
+
+
 def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusABC]) -> SuiteResult:
     """Run a suite against the nodes on a bus; raises BusError if the bus cannot be opened."""
 
     async def main() -> SuiteResult:
         bench = LiveBench(open_bus)
         with bench.reader:
-            return await Runner(suite, bench, options).run(f"on {bench.reader.name}")
+            result = await Runner(suite, bench, options).run(f"on {bench.reader.name}")
+            return replace(result, remarks=tuple(_played_but_present(suite, bench.trace.frames)))
 
     return asyncio.run(main())

@@ -82,7 +82,8 @@ class SuiteResult:
 
     `skipped` says why it was not run, `error` what stopped it. `ended` is the name of the red step after which no
     others were done. `asked_again` is the number of SDO requests that were repeated, `slowest` the longest wait for a
-    frame, in s, of the steps that name no time. `raised` are the exceptions of simulated nodes.
+    frame, in s, of the steps that name no time. `remarks` are exceptions of simulated nodes, and nodes that
+    are on the bus beside a tester that plays them.
     """
 
     file: Path
@@ -95,7 +96,7 @@ class SuiteResult:
     ended: str = ""
     asked_again: int = 0
     slowest: float = 0.0
-    raised: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def count(self, *statuses: Status) -> int:
         """Return the number of steps that ended in one of these ways."""
@@ -216,9 +217,9 @@ def slowest(results: Sequence[SuiteResult]) -> Iterator[str]:
 
 
 def remarks(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield a line for each exception of a simulated node, and for each green step that did not compare everything."""
+    """Yield a line for each remark on a suite, and for each green step that did not compare everything."""
     for result in results:
-        yield from (one_line(f"{result.file.name}: {result.name}: {each}") for each in result.raised)
+        yield from (one_line(f"{result.file.name}: {result.name}: {each}") for each in result.remarks)
         for step in result.steps:
             if step.status is Status.PASSED and step.reason is not None:
                 yield one_line(f"{result.file.stem}: {result.name}: {step.reason.what}")
@@ -293,7 +294,7 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
             "seconds": round(result.seconds, 6),
             "skipped": result.skipped or None,
             "error": result.error or None,
-            "raised": [*result.raised],
+            "remarks": [*result.remarks],
             "steps": [
                 {
                     "section": step.section.value,

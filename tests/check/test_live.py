@@ -13,6 +13,7 @@ from eurobot_od.bus import live as runtime
 from eurobot_od.check.on_bus import run_live, run_simulated
 from eurobot_od.check.report import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.check.suites import HEAD, document, results, suite
 from tests.kit import plant
 
@@ -64,6 +65,17 @@ def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callabl
     verdicts = [step.status for step in simulated.steps]
     assert verdicts == 12 * [Status.PASSED] + [Status.FAILED]
     assert [step.status for step in live.steps] == verdicts
+
+
+@pytest.mark.usefixtures("lift")
+def test_a_node_that_the_tester_plays_is_named_if_it_is_on_the_bus(open_bus: Callable[[], can.BusABC]) -> None:
+    text = document("- send: Check Lift Request\n- wait: 100 ms")
+    assert run(text, open_bus).remarks == ()
+    panel = plant.NODES["panel"](plant.load("panel"))
+    panel.device.objects.values[HEARTBEAT_TIME] = 10
+    with runtime.Live.node(open_bus(), panel):
+        (said,) = run(text, open_bus).remarks
+    assert said == "panel (node 1) is on this bus, and the tester sends its messages: switch it off"
 
 
 def test_a_missing_node_is_red_and_no_bus_error(open_bus: Callable[[], can.BusABC]) -> None:

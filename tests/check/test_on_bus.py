@@ -75,7 +75,7 @@ def test_an_exception_of_a_node_is_reported_once_with_its_line() -> None:
     result = run_simulated(suite(document(2 * "- send: Place Request\n- wait: 1 s\n")), RunOptions(), nodes)
     (line,) = remarks([result])
     assert re.fullmatch(r"suite.yaml: a suite: lift has failed: .*test_on_bus.py:\d+: IndexError: .*", line)
-    assert as_data([result])[0]["raised"] == [*result.raised]
+    assert as_data([result])[0]["remarks"] == [*result.remarks]
 
 
 def test_the_same_seed_gives_the_same_frames() -> None:
