@@ -177,6 +177,10 @@ def check(
     return completeness(each for suite in suites for each in suite.dictionaries.values())
 
 
+REPORTS = {"report": "; --junit FILE reports any suite"}
+"""What to use instead of an option of generated suites."""
+
+
 def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
     """Check that the options go together; `of_made` are those about generated suites. Raises LocalError."""
     made = checks.made
@@ -192,7 +196,7 @@ def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
         (made.outputs and made.profile != 401, "--outputs needs --profile 401"),
         (made.reversible and not made.is_wanted, "--reversible needs --conformance"),
         (made.destructive and not made.conformance, "--destructive needs --conformance"),
-        *((option not in about, f"--{option} needs --conformance") for option in of_made),
+        *((option not in about, f"--{option} needs --conformance{REPORTS.get(option, '')}") for option in of_made),
     )
     for is_wrong, why in refused:
         if is_wrong:

@@ -49,7 +49,7 @@ def query(
     """Query a season: by SQL, with a view for each message, or by a ready report. Without a query: list its tables.
 
     DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, `fields`, services (`sdo`, `emcy`, `heartbeat`,
-    `nmt`), and one for each message, such as `goto_xy`.
+    `nmt`), `events` of simulated matches, and one for each message, such as `goto_xy`.
 
     season: folder made by `archive`
     sql: a query (default: list the tables)
@@ -63,6 +63,8 @@ def query(
     $ query season
     $ query season "SELECT cob_id, count(*) FROM frames GROUP BY cob_id"
     """
+    if sql is None and " " in str(season) and not season.exists():
+        raise LocalError(f"which season? Write query SEASON '{season}'")
     if sql and report:
         raise LocalError("a query is SQL or --report, not both")
     with extras.needed("season"):

@@ -256,7 +256,9 @@ class Parser(ArgumentParser):
         word = unknown.partition("=")[0]
         if word[:1] != "-":
             alone = f"; {self.prog.rpartition(' ')[2]} takes options only{self._listed()}"
-            return _instead(word, options) or (order if places else alone)
+            if word.isdecimal() and "--node-id" in options:
+                return f"; did you mean --node-id {word}?"
+            return _instead(word, options) or (f"{order}; a value with spaces needs quotes" if places else alone)
         plain = word.lstrip("-")
         argument = ARGUMENTS.get(plain, plain.replace("-", "_"))
         if argument in places or any(plain in self.described[each].words for each in places if each in self.described):
@@ -283,6 +285,7 @@ class FormParser(Parser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse the words; exits if one is unknown."""
+        self.words = args
         given, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")

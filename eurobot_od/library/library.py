@@ -180,7 +180,7 @@ def folders(typed: Sequence[str] = (), written: Sequence[str] = ()) -> list[Path
     named = [Path(each) for each in typed or environment or written]
     missing = [each for each in named if not each.is_dir()]
     if missing:
-        raise LocalError(f"library {missing[0]}: no such folder")
+        raise LocalError(f"library {missing[0]}: no such folder; `mkdir {missing[0]}` makes one")
     return named or [users_folder()]
 
 

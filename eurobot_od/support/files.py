@@ -30,7 +30,7 @@ LONGEST_WAIT, WAIT = 0.5, 0.01
 ALIKE = 0.88
 """Similarity from which a file's name is suggested; higher than for other names, because suffixes are alike."""
 
-MOST_NAMED = 4
+MOST_NAMED = 8
 """Maximum number of files of a folder that are named in place of one that does not exist."""
 
 ABANDONED = 60.0

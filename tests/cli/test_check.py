@@ -72,7 +72,11 @@ def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[
 REFUSALS = {
     "conformance of a suite": ("green.yaml --conformance --simulate", 2, "eurobot-od: --conformance makes its suites"),
     "destructive suite": ("green.yaml --destructive --simulate", 2, "eurobot-od: --destructive needs --conformance"),
-    "report of a suite": ("green.yaml --report x.html", 2, "eurobot-od: --report needs --conformance"),
+    "report of a suite": (
+        "green.yaml --report x.html",
+        2,
+        "eurobot-od: --report needs --conformance; --junit FILE reports any suite",
+    ),
     "odd form of a report": ("--conformance --report x.txt", 2, "eurobot-od: unknown document format '.txt'"),
     "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),

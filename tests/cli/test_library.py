@@ -114,7 +114,7 @@ WRONG = [
     (["devices", "add", "makers/axis.eds", "makers/broken.eds"], "broken.eds: not a readable EDS (`lint` says more)"),
     (["devices", "add", "nowhere.eds"], "nowhere.eds: No such file or directory"),
     (["devices", "add", "changed/axis.eds"], "axis.eds: another file of this name is there; --replace replaces it"),
-    (["devices", "--library", "nowhere"], "library nowhere: no such folder"),
+    (["devices", "--library", "nowhere"], "library nowhere: no such folder; `mkdir nowhere` makes one"),
 ]
 
 

@@ -226,7 +226,7 @@ USAGES = {
     ),
     "a word too many": (
         "write|5|0x1017|=|500|-i|virtual",
-        "unrecognized arguments: 500; write eurobot-od write NODE NAME VALUE",
+        "unrecognized arguments: 500; write eurobot-od write NODE NAME VALUE; a value with spaces needs quotes",
     ),
     "a state in place of a command": (
         "nmt|5|operational|-i|virtual",

@@ -58,7 +58,8 @@ def field(
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     recording = match.recording
     if not recording.path and not recording.gotos:
-        raise RemoteError(f"{', '.join(logs)}: neither a Kalman Position Response nor a Goto XY to draw")
+        named = ", ".join("standard input" if each == STANDARD_INPUT else each for each in logs)
+        raise RemoteError(f"{named}: neither a Kalman Position Response nor a Goto XY to draw")
     save(match, output, title or Path(logs[0]).stem)
 
 

@@ -461,6 +461,8 @@ def load_strategy(file: Path) -> Strategy:
     What the file prints while it is loaded goes to standard error. Raises LocalError with the line of the file if it
     cannot be read, is not Python, raises, or has no coroutine function `play` that takes the core.
     """
+    if file.suffix not in ("", ".py"):
+        raise LocalError(f"{file}: a strategy is a Python file, such as {file.stem}.py")
     play = getattr(extras.load(file), "play", None)
     if play is None:
         raise LocalError(f"{file}: no `play` in it; write `async def play(core)`")
