@@ -29,6 +29,7 @@ NEEDS = {
 FILES = {
     "network.yaml": "nodes:\n  motor: {file: motor.eds, node_id: 5}\n",
     "thermometer.yaml": "device: {product: Thermometer}\n",
+    "sequences/warm-up.yaml": "- {send: motor.RPDO1, fields: {target_speed: 100}}\n",
     "ours.yaml": "0x1017: {ParameterValue: 250}\n",
 }
 SET_UP = """\
@@ -71,6 +72,7 @@ def test_the_help_ends_with_them(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.posix
 @pytest.mark.usefixtures("bus")
 def test_the_examples_run(shell: Shell) -> None:
+    Path("sequences").mkdir()
     for name, text in FILES.items():
         Path(name).write_text(text, encoding="utf-8")
     Path("makers").mkdir()
