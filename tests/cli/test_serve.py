@@ -50,6 +50,8 @@ def test_logs_are_named_by_the_part_that_differs(logs: list[str], names: list[st
         (["--eds", "no.eds"], 2, "no.eds"),
         (["--origin", "bench.example"], 2, "bench.example is not an origin, such as https://bench.example"),
         (["--origin", "https://bench.example/page"], 2, "is not an origin"),
+        (["--origin", "ftp://bench.example", "-i", "nothing"], 2, "is not an origin"),
+        (["--origin", "https://", "-i", "nothing"], 2, "is not an origin"),
         (["--token-file", "no.token"], 2, "no.token"),
         (["no.eds"], 2, "no.eds: No such file or directory"),
         (["empty.log", "no.dcf"], 2, "no.dcf: No such file or directory"),
