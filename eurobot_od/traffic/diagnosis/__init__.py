@@ -49,6 +49,9 @@ TICK = 0.02
 SILENCE = 1.0
 """Minimum time without frames that may be a gap in the log, in s."""
 
+MISFITS = 20
+"""Number of frames of another length from which more than half of a bus's services say that it is not CANopen."""
+
 DELTAS = 0.2
 """Minimum share of frames with decreasing times from which the log's times count as differences."""
 
@@ -99,6 +102,7 @@ class WatchedBus:
         self._frames = 0
         self._backwards = ""
         self._went_back = Occurrences()
+        self._misfits = Occurrences()
 
     def _watch_more(self) -> None:
         """Add the watchers of plug-ins for the devices known now, and ask all again what they listen to."""
@@ -164,6 +168,8 @@ class WatchedBus:
             if damage is Damage.INCOMPLETE:
                 self.sdo.damaged(meaning)
             elif damage is Damage.WRONG_LENGTH:
+                if meaning.group == CANOPEN:
+                    self._misfits.add(self.bus.at())
                 rule = BusRule.FRAME_LENGTH if meaning.group == CANOPEN else BusRule.PDO_LENGTH
                 self.bus.found(rule, who, text, meaning.raw[0])
             elif rule_of := OF_DAMAGE.get(damage):
@@ -223,6 +229,10 @@ class WatchedBus:
             is_of_deltas = self._went_back.number >= max(2, DELTAS * self._frames)
             rule = BusRule.LOG_DELTAS if is_of_deltas else BusRule.LOG_BACKWARDS
             self.bus.found(rule, "", self._backwards, seen=self._went_back)
+        services = sum(self.bus.counts.values())
+        if max(MISFITS, services / 2) <= self._misfits.number:
+            text = f"frames of another protocol: {self._misfits.number} of {services} of CANopen's services do not fit"
+            self.bus.found(BusRule.NO_CANOPEN, "", text, seen=self._misfits)
         for row in load_report(self._promised, self.bit_rate).rows:
             if not row.holds and self._promised.messages:
                 text = f"{row.message.name} can be later than its deadline at {self.bit_rate / 1000:g} kbit/s"

@@ -12,6 +12,13 @@ class BusRule(IncidentRule):
     """The rules for any bus."""
 
     # What everything else hangs on
+    NO_CANOPEN = RuleRow(
+        Severity.ERROR,
+        "Most frames at the identifiers of CANopen's services have another length than the services",
+        cause="this bus speaks another protocol, as a car's does",
+        remedy="`--dbc FILE` names the frames of another protocol; what is said of CANopen here means nothing",
+        clause="CiA 301, 7.2.4.3, 7.2.7.1, 7.2.8.3.2",
+    )
     OTHER_DEVICE = RuleRow(
         Severity.ERROR,
         "A device is another one than its file is for",
@@ -666,6 +673,10 @@ OF_FILES = frozenset(("CAN_STARVE", "PDO_UNHEARD", "PDO_WITHOUT_FILE"))
 
 
 EXPLAINED: Mapping[str, Collection[str]] = {
+    "NO_CANOPEN": {
+        *("frame-length", "never-heard", "two-nodes", "two-clients", "sdo-unanswered", "sdo-broken", "sdo-toggle"),
+        *("sdo-unasked", "sdo-abort", "sdo-probed", "state-untold", "heartbeat-lost", "heartbeat-changed"),
+    },
     "OTHER_DEVICE": {
         *("other-device", "pdo-length", "pdo-timer", "pdo-inhibit", "pdo-not-sent", "pdo-no-sync", "pdo-off"),
         *("pdo-mapped-otherwise", "pdo-mapping-unknown", "out-of-range", "heartbeat-changed", "sdo-probed"),

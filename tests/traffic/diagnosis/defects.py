@@ -510,6 +510,12 @@ DEFECTS = [
         ("event",),
     ),
     RuleDefect(BusRule.OUT_OF_RANGE, at("185#6500"), 0.0, at("185#6400"), ("event",)),
+    RuleDefect(
+        BusRule.NO_CANOPEN,
+        log(beats(), every(0.05, "72A#0102030405060708", 2)),
+        0.0,
+        log(beats(), every(0.05, "72A#05", 2), every(0.1, "72A#0102", 1)),
+    ),
     RuleDefect(BusRule.FRAME_LENGTH, at("705#0505"), 0.0, at("705#05")),
     RuleDefect(
         BusRule.PDO_MAPPED_OTHERWISE,
