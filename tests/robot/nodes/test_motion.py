@@ -196,6 +196,13 @@ def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward:
     assert remaining == pytest.approx(DT * len(steps), rel=0.1, abs=0.1), "what is rolling counts"
 
 
+def test_a_robot_that_rolls_away_comes_back_from_where_it_stops() -> None:
+    behind, stopping = [Point(0.0, 1000.0)], 800.0 / LIMITS.braking
+    there = START.moved(800.0 * stopping / 2, 0.0)
+    left = Motion(LIMITS, behind, 90.0, 100, False, WheelCommand(800.0, 0.0)).remaining(START)
+    assert left == pytest.approx(stopping + Motion(LIMITS, behind, 90.0, 100).remaining(there), abs=0.01)
+
+
 def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
     motion = Motion(LIMITS, [Point(2000.0, 1020.0)], 0.0, 100, rolling=WheelCommand(800.0, 0.0))
     poses_and_commands = list(drive(motion, START))
