@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 UNPACKED, PACKED = 2, 3
-"""Fields of a page's header: `uncompressed_page_size` and `compressed_page_size`."""
+"""Fields of a page's header: its size unpacked and packed."""
 
 TRUE, FALSE, BYTE, I16, I32, I64, DOUBLE, BINARY, STRUCT = 1, 2, 3, 4, 5, 6, 7, 8, 12
 """Types of Thrift's compact protocol that a page's header has."""

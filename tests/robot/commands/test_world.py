@@ -213,7 +213,7 @@ WORLD = ["--world", "127.0.0.1:9"]
         ),
         (["node", "core", "--strategy", "a.py", "--drill", *WORLD], 2, "--strategy and --drill do not go together"),
         (["node", "core", "--strategy", "nosuch.py", *WORLD], 2, "nosuch.py: No such file or directory"),
-        (["node", "core", "--strategy", "README.md", *WORLD], 2, ": SyntaxError: "),
+        (["node", "core", "--strategy", "README.md", *WORLD], 2, "README.md: a strategy is a Python file"),
     ],
 )
 def test_an_error_is_one_line(
