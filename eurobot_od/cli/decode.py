@@ -59,7 +59,7 @@ class Reading:
     """
 
     format: Format | None = None
-    largest: Annotated[int, Option(metavar="BYTES", read=whole(1024, what="a number of bytes, 1024 or more"))] = LARGEST
+    largest: Annotated[int, Option(metavar="BYTES", read=whole(1024, what="a number of bytes"))] = LARGEST
 
 
 def entries(

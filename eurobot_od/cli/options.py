@@ -58,7 +58,8 @@ def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
         # No option takes 16 digits or more; for thousands, `int` has its own error.
         number = int(text) if text.isdecimal() and len(text) < 16 else -1
         if not low <= number <= high:
-            raise LocalError(f"{text} is not {what or f'in {low}..{high}'}")
+            allowed = f"{low}..{high}" if high < inf else f"{low} or more"
+            raise LocalError(f"{text} is not {what}; allowed: {allowed}" if what else f"{text} is not in {allowed}")
         return number
 
     return read
@@ -269,7 +270,7 @@ def write_dcf(output: Path | None, dcf: Dcf) -> None:
 
 Thing = TypeVar("Thing")
 
-Jobs: TypeAlias = Annotated[int, Option(metavar="N", read=whole(1, MOST_JOBS, f"a number from 1 to {MOST_JOBS}"))]
+Jobs: TypeAlias = Annotated[int, Option(metavar="N", read=whole(1, MOST_JOBS, "a number of processes"))]
 
 
 @dataclass(frozen=True, kw_only=True)

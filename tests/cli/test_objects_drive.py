@@ -118,3 +118,18 @@ def test_an_action_that_the_device_lacks_is_refused(
     wrong = run(capsys, "node", "--eds", f"5={EDS}", "-i", "virtual", "-c", new_channel(), *words)
     assert wrong.status == 2
     assert complaint in wrong.err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--axis", "0"), "0 is not an axis; allowed: 1..8"),
+        (("--own-id", "128"), "128 is not a node-ID; allowed: 1..127"),
+    ],
+    ids=["axis", "own node-ID"],
+)
+def test_a_number_out_of_its_range_is_told_with_the_range(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], said: str
+) -> None:
+    told = run(capsys, "drive", "5", "status", *words, "-i", "virtual")
+    assert (told.status, said in told.err) == (2, True), told.err

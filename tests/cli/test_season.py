@@ -229,7 +229,7 @@ def test_requests_of_several_answering_nodes_are_kept(tmp_path: Path, capsys: py
     [
         (["none.log"], 2, "eurobot-od: none.log: No such file or directory"),
         ([__file__], 2, "not a known log; --format names its format"),
-        (["--jobs", "0", "x"], 2, "0 is not a number from 1 to 60"),
+        (["--jobs", "0", "x"], 2, "0 is not a number of processes; allowed: 1..60"),
         (["--eds", "none.eds", "x"], 2, "none.eds"),
     ],
 )

@@ -297,8 +297,8 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--seeds", "5-2"], "argument --seeds: 5-2 is neither a number of seeds nor FIRST-LAST"),
         (["--seeds", "1-"], "argument --seeds: 1- is neither a number of seeds nor FIRST-LAST"),
         (["--seeds", "9" * 5000], f"argument --seeds: {'9' * 5000} is neither"),  # more digits than int() takes
-        (["--jobs", "0"], "argument --jobs: 0 is not a number from 1 to 60"),
-        (["--jobs", "0100"], "argument --jobs: 0100 is not a number from 1 to 60"),
+        (["--jobs", "0"], "argument --jobs: 0 is not a number of processes; allowed: 1..60"),
+        (["--jobs", "0100"], "argument --jobs: 0100 is not a number of processes; allowed: 1..60"),
         (["extra"], "unrecognized arguments: extra"),
         (["--world", "wheel_noise"], "argument --world: wheel_noise: write NAME=VALUE"),
         (["--set", "drive.Motion.Speed"], "argument --set: drive.Motion.Speed: write NAME=VALUE"),

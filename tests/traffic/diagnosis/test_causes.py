@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.traffic.diagnosis.incidents import Incident
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from tests.traffic.diagnosis.defects import FULL, TOO_FULL, Log, at, beats, every, log, status
+from tests.traffic.diagnosis.defects import DRIVE, FULL, TOO_FULL, Log, at, beats, every, log, status
 from tests.traffic.diagnosis.test_defects import diagnosed, with_followers
 
 
@@ -47,6 +47,22 @@ def test_the_period_of_a_pdo_by_a_coarse_clock_is_the_average() -> None:
 def test_the_toggle_bit_that_comes_twice_is_said(answer: str, toggle: int) -> None:
     text = found(BusRule.GUARD_TOGGLE, at("705#R1", answer, "705#R1", answer, gap=0.1)).text
     assert text.endswith(f"two answers to node guarding with toggle {toggle}")
+
+
+@pytest.mark.parametrize(
+    ("word", "controls", "why"),
+    [
+        (0x0250, ["0F00"], "Shutdown (0x0006) was left out"),
+        (0x0231, ["0600", "0D00"], "controlword 0x000D lacks enable voltage (bit 1)"),
+        (0x0031, ["0600", "0F00"], "statusword bit 9 (remote) is 0"),
+        (0x0221, ["0600", "0F00"], "statusword bit 4 is 0: its power stage has no voltage"),
+        (0x0231, ["0600", "0F00"], "Switch on (0x0007) was left out"),
+    ],
+    ids=["shutdown", "a bit", "remote", "voltage", "switch on"],
+)
+def test_what_keeps_a_drive_from_being_enabled_is_named(word: int, controls: list[str], why: str) -> None:
+    frames = log(status(word, 0, 3), at(*(f"205#{each}01" for each in controls), start=0.5))
+    assert why in found(BusRule.DRIVE_NOT_ENABLED, frames, *DRIVE).text
 
 
 BLOCK = ("605#A008100010000000", "585#C408100020000000", "605#A300000000000000")
