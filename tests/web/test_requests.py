@@ -115,3 +115,26 @@ def test_a_server_that_ends_stops_its_job_and_periodic_frames(requests: Requests
 
     job = asyncio.run(run())
     assert (job.state, requests.desk.lists["mine"].ended) == (JobState.ENDED, "the server ends")
+
+
+def test_a_list_is_kept_by_name_read_again_and_removed(requests: Requests) -> None:
+    async def names() -> object:
+        return (await asked(requests, do="lists"))["ok"]
+
+    async def all_of_it() -> tuple[object, object, object]:
+        assert "ok" in await asked(requests, do="keep list", name="warm up", rows=LIST["rows"])
+        kept = await names()
+        rows = (await asked(requests, do="list", name="warm up"))["ok"]
+        await asked(requests, do="remove list", name="warm up")
+        return kept, rows, await names()
+
+    kept, rows, left = asyncio.run(all_of_it())
+    assert (kept, left) == (["warm up"], [])
+    assert rows == [{"send": "7FF#", "period": "60 s"}]
+
+
+@pytest.mark.parametrize("name", ["../out", "a/b", ""], ids=["above the folder", "in a folder of it", "none"])
+def test_a_list_is_kept_in_its_folder_only(requests: Requests, tmp_path: Path, name: str) -> None:
+    said = asyncio.run(asked(requests, do="keep list", name=name, rows=LIST["rows"]))
+    assert "ok" not in said
+    assert [*tmp_path.rglob("*.yaml")] == []
