@@ -130,7 +130,7 @@ def test_a_list_is_kept_by_name_read_again_and_removed(requests: Requests) -> No
 
     kept, rows, left = asyncio.run(all_of_it())
     assert (kept, left) == (["warm up"], [])
-    assert rows == [{"send": "7FF#", "period": "60 s"}]
+    assert rows == [{"send": "7FF#", "period": "60000 ms"}]
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", ""], ids=["above the folder", "in a folder of it", "none"])
