@@ -65,6 +65,11 @@ def test_what_keeps_a_drive_from_being_enabled_is_named(word: int, controls: lis
     assert why in found(BusRule.DRIVE_NOT_ENABLED, frames, *DRIVE).text
 
 
+def test_a_wide_statusword_shows_a_second_axis() -> None:
+    frames = at("605#4041600000000000", "585#4341600037061802", gap=0.05)
+    assert found(BusRule.DRIVE_FAULT, frames, *DRIVE).text.startswith("axis 2 ")
+
+
 BLOCK = ("605#A008100010000000", "585#C408100020000000", "605#A300000000000000")
 SEQUENCE = "605#8008100003000405"
 
