@@ -34,6 +34,10 @@ OPTIONS = (
 )  # fmt: skip
 
 
+FORGET = "try { sessionStorage.isOurs || (localStorage.clear(), sessionStorage.isOurs = 1); } catch {}"
+"""What the first page of a window runs: nothing of it depends on the tests before. about:blank has no storage."""
+
+
 class Page:
     """One page of the browser."""
 
@@ -44,6 +48,7 @@ class Page:
         self._dragged: dict[str, Any] | None = None
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
+        self.call("Page.addScriptToEvaluateOnNewDocument", source=FORGET)
 
     def call(self, method: str, **parameters: Any) -> Any:
         """Call a method of the protocol and return its result."""
@@ -197,27 +202,14 @@ class Browser:
         self._loop, self._http, self._address = loop, http, address
 
     def page(self) -> Page:
-        """Open a window with a storage of its own, so that nothing of it depends on the tests before."""
-        return Page(self._loop, self._loop.run_until_complete(self._opened()))
+        """Open a new window."""
 
-    async def _opened(self) -> aiohttp.ClientWebSocketResponse:
-        async with self._http.get(f"{self._address}/json/version") as answer:
-            whole = (await answer.json())["webSocketDebuggerUrl"]
-        async with self._http.ws_connect(whole) as socket:
-            context = await _answer(socket, "Target.createBrowserContext")
-            target = await _answer(socket, "Target.createTarget", url="about:blank", **context)
-        of_page = f"{self._address}/devtools/page/{target['targetId']}"
-        return await self._http.ws_connect(of_page, max_msg_size=0)
+        async def opened() -> aiohttp.ClientWebSocketResponse:
+            async with self._http.put(f"{self._address}/json/new?about:blank") as answer:
+                target = await answer.json()
+            return await self._http.ws_connect(target["webSocketDebuggerUrl"], max_msg_size=0)
 
-
-async def _answer(socket: aiohttp.ClientWebSocketResponse, method: str, **parameters: Any) -> dict[str, Any]:
-    """Call a method of the whole browser and return its result."""
-    await socket.send_json({"id": 1, "method": method, "params": parameters})
-    while True:
-        said: dict[str, Any] = await socket.receive_json(timeout=PATIENCE)
-        if said.get("id") == 1:
-            found: dict[str, Any] = said["result"]
-            return found
+        return Page(self._loop, self._loop.run_until_complete(opened()))
 
 
 @contextmanager
