@@ -68,8 +68,7 @@ def test_a_command_names_frames_and_error_codes(
     assert [each for each in printed if each not in said.out] == [], said.out
 
 
-@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.long)])
-@pytest.mark.parametrize("options", [BY_OPTION, BY_FILE], ids=["option", "network file"])
+@pytest.mark.parametrize(("options", "jobs"), [(BY_OPTION, "1"), (BY_FILE, "2")], ids=["option", "network file"])
 def test_the_archive_has_a_table_of_foreign_frames_and_words_of_errors(
     capsys: pytest.CaptureFixture[str], options: tuple[str, ...], jobs: str
 ) -> None:
