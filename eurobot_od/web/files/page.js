@@ -179,7 +179,7 @@ function reopen(begins) {                   // a log opens where there is someth
   if (left.log === log) { clock.seek(left.time); Object.assign(plots, left.plots); }
   else {
     if (begins < Infinity) clock.seek(begins);
-    const isAgain = performance.getEntriesByType("navigation")[0]?.type === "reload";
+    const isAgain = performance.getEntries()[0]?.type === "reload";  // the first entry is how this page was come to
     if (content.plays && !isAgain && !matchMedia("(prefers-reduced-motion: reduce)").matches) clock.play();
   }
   addEventListener("pagehide", () => keep("place", {log, time: clock.time, plots: {zoomed: plots.zoomed, marks: plots.marks}}, sessionStorage));
