@@ -330,7 +330,7 @@ const connection = {
     sources[0].take(said);
     takeJobs(said.jobs);
     clock.received = performance.now();
-    this.socket.send(String(said.turn));    // confirmed: a browser that owes too many is left out
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(String(said.turn));    // confirmed: a browser that owes too many is left out
     stale = true;
   },
   follow(said) {                            // a device has shown what it is: the server has a page that lists it
