@@ -510,7 +510,7 @@ def drive(
         described = target.known_description(node)
         found = Drive402(node, described, axis)
         if action in WATCHED:
-            _ = found.status  # a node that is no drive refuses this, before anything is commanded
+            _ = found.status  # raises for a node that is no drive, before a command is sent
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)
         status = found.status

@@ -34,7 +34,7 @@ class NodeHooks:
     """Methods for events of a node; by default they do nothing."""
 
     def halted(self) -> None:
-        """The node is no longer OPERATIONAL."""
+        """Called when the node has left OPERATIONAL."""
 
     def cut_off(self) -> None:
         """The bus is lost, so that nobody can command the node; by default the same as `halted`."""

@@ -134,7 +134,7 @@ def _read(file: Path, opened: pq.ParquetFile) -> pa.Table | None:
         return None
     batches = list[pa.RecordBatch]()
     size = 0
-    for batch in opened.iter_batches(min(max(AT_ONCE // max(*sizes, 1, 1), 1), MOST_ROWS)):
+    for batch in opened.iter_batches(min(max(AT_ONCE // max([1, *sizes]), 1), MOST_ROWS)):
         size += batch.nbytes
         if size > MOST_BYTES:
             return None

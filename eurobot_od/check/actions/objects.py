@@ -148,7 +148,7 @@ class SdoRestore(NamedTuple):
                 refused = f" ({label(at)}: {error})"
         now = await self._read(tester, address)
         if refused and address[0] in MAPPINGS and address[1] and not any(content):
-            # An entry behind the last one cannot be emptied: no clause allows the value 0 there, which is no object.
+            # The entry after the last one cannot be cleared: 0 is no object, and no clause allows it there.
             raise Skipped(f"an entry that maps nothing{refused}")
         if now != content:
             what = f"{objects.label(self.variable)} cannot be put back{refused}"

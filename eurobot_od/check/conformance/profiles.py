@@ -173,7 +173,7 @@ def _quick_stop(drive: DriveUnderTest) -> Steps:
     option = cia402.QUICK_STOP_OPTION, 0
     stopped = _commanded(DriveCommand.QUICK_STOP)
     if not drive.may_be(option, STAYS):
-        # Each manufacturer may choose other option codes; the step only checks that there is no fault.
+        # Option codes differ between manufacturers, so the step only checks that there is no fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
         yield step.group("from Operation enabled", *_into(drive, State.ENABLED), stopped, ended, *_off(drive))
         return
