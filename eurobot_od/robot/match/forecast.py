@@ -172,22 +172,25 @@ class Fires:
 
 
 class Forecast:
-    """The courses of the other robots, by who they are, and the fires that they push; `radii` are theirs."""
+    """The courses of the other robots, by who they are, and the fires that they push; `radii` are theirs.
+
+    It `is_blind`, and takes all fires for untouched, until each robot has driven a lap or BLIND is over.
+    """
 
     def __init__(self, facts: Facts, radii: dict[Source, float]) -> None:
         self.fires = Fires(facts)
         self._radius = facts.body.radius
         self._courses = {who: Course(radius) for who, radius in radii.items()}
-        self._is_blind = True
+        self.is_blind = True
 
     def saw(self, who: Source, seen: Seen) -> None:
         """Take in where a robot was seen."""
         course = self._courses[who]
         steps = course.saw(seen)
-        if not self._is_blind:
+        if not self.is_blind:
             self.fires.meet(who, seen.point, steps, course.radius)
         elif seen.time > BLIND or all(each.has_lap for each in self._courses.values()):
-            self._is_blind = False
+            self.is_blind = False
             self._push_from_the_start()
 
     def _push_from_the_start(self) -> None:

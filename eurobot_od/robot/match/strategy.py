@@ -35,6 +35,7 @@ STAYS = 2.0  # s to stay with a plan at a way point where somebody is in the way
 STUCK, ROUND = 4.0, 120.0  # s without moving until we look for ways round the others, and how far round, mm
 FEW, SOME = 2, 4  # guesses of a fire that we keep off, and those that we keep off then
 PATIENCE = 30.0  # s without moving in which distances shrink to nothing: two that give way would stand for ever
+NEAR = 1500.0  # mm from the start to tasks that we do before the forecast knows which fires were pushed
 SPARE = 12.0  # s in hand when we bring the fruit home
 IN_THE_WAY = 0.5  # share that counts of a task where others drive: who stands there gets away late
 LOOKS = 0.2  # s between two looks at the others
@@ -160,7 +161,9 @@ class Strategy:
     def best(self) -> Intention | None:
         """Return what brings most for its time, waits included; None if nothing is free."""
         best, plan = 0.0, None
-        promises = {name: self.value(task, self.estimate(self.here, task)) for name, task in self.todo.items()}
+        reach = NEAR if self.forecast.is_blind else math.inf
+        near = (each for each in self.todo.values() if self.home.distance(each.pose.point) < reach)
+        promises = {each.name: self.value(each, self.estimate(self.here, each)) for each in near}
         for name in sorted(promises, key=lambda name: promises[name], reverse=True):
             task = self.todo[name]
             if promises[name] * 1.3 <= best:

@@ -70,6 +70,18 @@ def test_the_robot_does_not_drive_where_another_robot_will_be() -> None:
     assert not strategy.is_free(poses), "it comes along the same line"
 
 
+def test_far_tasks_wait_until_the_forecast_knows_which_fires_were_pushed() -> None:
+    _, strategy = started()
+    strategy.todo = {name: task for name, task in strategy.todo.items() if name in ("torch 2", "fire 1")}
+    plan = strategy.best()
+    assert plan is not None
+    assert plan.task.name == "fire 1"
+    del strategy.todo["fire 1"]
+    assert strategy.best() is None
+    strategy.forecast.is_blind = False
+    assert strategy.best() is not None
+
+
 def test_a_robot_that_has_not_moved_for_long_plans_a_way_round_the_others() -> None:
     bench, strategy = started()
     bench.say("navigation", Enemy1PositionResponse(150, 1500, 0, Source.ENEMY_1))
