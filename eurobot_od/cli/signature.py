@@ -262,7 +262,7 @@ class Parser(ArgumentParser):
         plain = word.lstrip("-")
         argument = ARGUMENTS.get(plain, plain.replace("-", "_"))
         if argument in places or any(plain in self.described[each].words for each in places if each in self.described):
-            return f"; it is no option here{order}"
+            return f"; that is an argument here, not an option{order}"
         if better := _instead(word, options):
             return better
         if argument == "node" and any(each.lower().endswith(DEVICE_FILES) and "=" not in each for each in self.words):

@@ -209,11 +209,11 @@ USAGES = {
     "a channel without its option": ("scan|can0", "unrecognized arguments: can0; the bus is -i socketcan -c can0"),
     "a node as an option": (
         "read|--node|5|0x1000|-i|virtual",
-        "unrecognized arguments: --node; it is no option here; write eurobot-od read NODE OBJECTS",
+        "unrecognized arguments: --node; that is an argument here, not an option; write eurobot-od read NODE OBJECTS",
     ),
     "an action as an option": (
         "lss|--find|-i|virtual",
-        "unrecognized arguments: --find; it is no option here; write eurobot-od lss ACTION",
+        "unrecognized arguments: --find; that is an argument here, not an option; write eurobot-od lss ACTION",
     ),
     "an option as a word": ("emcy|5|clear|-i|virtual", "unrecognized arguments: clear; did you mean --clear?"),
     "a node-ID apart from its file": (

@@ -267,7 +267,7 @@ class Period:
         distances = [second.time - first.time for first, second in pairwise(seen)]
         worst = max(distances, key=lambda each: abs(each - self.every))
         wanted = f"{texts.text(self.every)} +- {texts.text(self.tolerance)}"
-        shown = f"{texts.text(worst)} (the tester itself was late by up to {texts.text(own)})"
+        shown = texts.text(worst) + f" (the tester itself was late by up to {texts.text(own)})" * (own > 0)
         off = [
             Mismatch(what, wanted, came)
             for what, distance, came, allowed in (
