@@ -15,7 +15,7 @@ from eurobot_od.bus.live import FrameReader, transmit
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, Seconds
-from eurobot_od.cli.signature import Option
+from eurobot_od.cli.signature import Option, bus_named
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message, describe
@@ -59,8 +59,8 @@ def send(
     if fields and all(re.fullmatch(r"(?:0x)?[0-9A-Fa-f]+", each) for each in (message, *fields)):
         data = "".join(each.removeprefix("0x") for each in fields)
         raise LocalError(f"a frame is one word: write send {message.removeprefix('0x')}#{data}")
-    if re.fullmatch(r"v?can\d+", message):
-        raise LocalError(f"the bus is -i socketcan -c {message}; write send {' '.join(fields)} first")
+    if bus_there := bus_named(message):
+        raise LocalError(f"{bus_there}; write send {' '.join(fields)} first")
     if re.fullmatch(r"(?:0x)?[0-9A-Fa-f]{3}", message) and not devices.are_known:
         raise LocalError(f"a frame is ID#DATA: write send {message.removeprefix('0x')}#, or with data after the #")
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))

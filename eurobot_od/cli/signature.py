@@ -296,10 +296,8 @@ def _instead(word: str, options: Sequence[str]) -> str:
     """Return a suggestion for an unknown word, empty if there is none."""
     if (usual := OTHERWISE_CALLED.get(word)) in options:
         return f"; here that is {usual}"
-    if "-c" in options:
-        for pattern, interface in CHANNELS.items():
-            if re.fullmatch(pattern, word):
-                return f"; the bus is -i {interface} -c {word}"
+    if "-c" in options and (bus := bus_named(word)):
+        return f"; {bus}"
     if f"--{word}" in options:
         return f"; did you mean --{word}?"
     if "-o" in options and word.lower().endswith(DEVICE_FILES) and not os.path.exists(word):  # noqa: PTH110
@@ -307,6 +305,12 @@ def _instead(word: str, options: Sequence[str]) -> str:
     if word.lower().endswith(DEVICE_FILES) and "--eds" in options:
         return f"; the file of a device is --eds {word}"
     return meant(word, options) if word.startswith("--") else ""
+
+
+def bus_named(word: str) -> str | None:
+    """Return the options of the bus that a word names, in a clause; None if it is no channel."""
+    interfaces = (interface for pattern, interface in CHANNELS.items() if re.fullmatch(pattern, word))
+    return next((f"the bus is -i {each} -c {word}" for each in interfaces), None)
 
 
 def summary(command: Command) -> str:
