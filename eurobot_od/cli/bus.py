@@ -288,11 +288,17 @@ def event_as_json(event: NodeEvent, name: str = "") -> str:
 # Periodic messages of a master
 
 
+LONG_PERIOD = 10.0
+"""Minimum period, in s, that needs its unit: a shorter one is hardly meant in ms."""
+
+
 def _period(text: str) -> float:
     """Parse the period of messages, in s; raises LocalError."""
     seconds = span(text)
     if not seconds:  # it would fill the bus
         raise LocalError("the period must be longer than 0")
+    if text.isdecimal() and seconds >= LONG_PERIOD:
+        raise LocalError(f"{text} without a unit would be {text} s; write {text}ms, or {text}s")
     return seconds
 
 

@@ -159,6 +159,12 @@ ARGUMENTS = {
 }
 """Options of other programs that are arguments here."""
 
+NOT_NEEDED = {
+    "scan": (("node", "nodes", "id", "ids", "node-id", "range"), "it asks every node-ID from 1 to 127"),
+    "drive": (("mode",), "the command sets the mode: move and jog, or home"),
+}
+"""By command: options of other programs that it does without, and why."""
+
 CHANNELS = {r"v?can\d+": "socketcan", r"(?i:com\d+)|/dev/tty\S+": "slcan", r"PCAN_\w+": "pcan"}
 """Patterns of the channels of interfaces."""
 
@@ -263,6 +269,9 @@ class Parser(ArgumentParser):
         argument = ARGUMENTS.get(plain, plain.replace("-", "_"))
         if argument in places or any(plain in self.described[each].words for each in places if each in self.described):
             return f"; that is an argument here, not an option{order}"
+        needless, why = NOT_NEEDED.get(self.prog.rpartition(" ")[2], ((), ""))
+        if plain in needless:
+            return f"; {why}"
         if better := _instead(word, options):
             return better
         if argument == "node" and any(each.lower().endswith(DEVICE_FILES) and "=" not in each for each in self.words):

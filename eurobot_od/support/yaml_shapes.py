@@ -277,7 +277,10 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
     """Make a shape of a mapping with fixed keys; `make` is called with the values by name. Other keys are refused."""
 
     def read(node: yaml.Node, problems: Problems) -> T:
-        pairs = pairs_of(node, problems)
+        if not isinstance(node, yaml.MappingNode):
+            known = ", ".join(keys)
+            nodes.refuse(node, problems, f"expected a mapping (keys: {known}), found {nodes.shown(node)}")
+        pairs = _pairs(node, problems, SCALAR)
         wrong = [Problem(each.place, str(UnknownName("key", str(each), keys))) for each in pairs if each not in keys]
         wrong += [
             Problem(nodes.place_of(node.start_mark), f"key '{name}' is missing" + (f": {key.help}" if key.help else ""))

@@ -120,7 +120,7 @@ WRONG_STEPS = {
 # Each row: a document, with ^ before the place of the problem, and what is said about it.
 WRONG_DOCUMENTS = {
     "nothing": ("^", "the file is empty"),
-    "no mapping": ("^- 1\n", "expected a mapping, `key: value`, found a list"),
+    "no mapping": ("^- 1\n", "expected a mapping (keys: spec, name, node, dialect, "),
     "tab": ("spec: 1\nsteps:\n^\t- wait: 1 s\n", "a tab; YAML is indented by spaces"),
     "no YAML": ("spec: [1\nname^: x\n", "a list in [ ] lacks a comma, or its ]"),
     "nested deeply": ("^" + "[" * 1000, "the file is nested too deeply"),

@@ -206,6 +206,18 @@ USAGES = {
         "unrecognized arguments: 5; sync takes options only; its options: --counter, --period, --count, --cob-id, "
         "--no-reconnect, --interface, --channel, --bitrate",
     ),
+    "a range that is always asked": (
+        "scan|--nodes|1-10",
+        "unrecognized arguments: --nodes 1-10; it asks every node-ID from 1 to 127",
+    ),
+    "a mode that the command sets": (
+        "drive|5|jog|100|--mode|pv|-i|virtual",
+        "unrecognized arguments: --mode pv; the command sets the mode: move and jog, or home",
+    ),
+    "a long period without its unit": (
+        "sync|--period|100|-i|virtual",
+        "argument --period: 100 without a unit would be 100 s; write 100ms, or 100s",
+    ),
     "a channel without its option": ("scan|can0", "unrecognized arguments: can0; the bus is -i socketcan -c can0"),
     "a node as an option": (
         "read|--node|5|0x1000|-i|virtual",

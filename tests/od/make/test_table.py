@@ -47,7 +47,7 @@ INVALID = {
     "list for number": ("heartbeat: 1000", "heartbeat: ^[1]", f"heartbeat = a list {REFUSED} {BEAT}"),
     "mapping for text": ("author: somebody", "author: ^{}", "expected a text, found a mapping"),
     "text for list": ("watches: [drive]", "watches: ^drive", "expected a list, found 'drive'"),
-    "list for mapping": ("{name: Somebody, number: 0}", "^[]", "expected a mapping, `key: value`, found a list"),
+    "list for mapping": ("{name: Somebody, number: 0}", "^[]", "expected a mapping (keys: name, number), found a list"),
     "range of three": ("[0, 100]", "^[0, 1, 2]", "expected a list of 2, found 3"),
     "not ASCII": ("name: Somebody", "name: ^Jürg", "expected printable ASCII characters, found 'Jürg'"),
     "no date": ('"05-28-2014"', '^"28.5.2014"', "expected a date mm-dd-yyyy, found '28.5.2014'"),
@@ -229,10 +229,11 @@ def test_tells_all_problems_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "what"), [("", "the file is empty"), ("- 1", "expected a mapping, `key: value`, found a list")]
+    ("text", "what"), [("", "the file is empty"), ("- 1", "expected a mapping (keys: file, vendor, ")]
 )
 def test_tells_a_file_without_a_table(text: str, what: str) -> None:
-    assert complaints(text) == [f"table.yaml:1:1: {what}"]
+    (problem,) = complaints(text)
+    assert problem.startswith(f"table.yaml:1:1: {what}")
 
 
 BASE = """

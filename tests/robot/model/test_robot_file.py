@@ -66,7 +66,7 @@ CHANGES = [
     ("body.raduis", "250", "body.raduis=250: unknown key 'raduis'; did you mean radius?"),
     ("tasks.mamoth.points", "3", "tasks.mamoth.points=3: unknown key 'mamoth'; did you mean mammoth?"),
     ("body.radius.x", "1", "body.radius.x=1: '140' is a single value, which is given as a whole"),
-    ("body", "250", "body=250: expected a mapping, `key: value`, found '250'"),
+    ("body", "250", "body=250: expected a mapping (keys: radius, outline, wheels), found '250'"),
     ("body.radius", "", "body.radius=: the file is empty"),
     ("body.outline", "[[-100, -100], [100, -100], [0, 100]]", "is less than that of a corner of the outline, 141.4 mm"),
 ]
