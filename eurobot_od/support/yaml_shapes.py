@@ -278,8 +278,7 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
 
     def read(node: yaml.Node, problems: Problems) -> T:
         if not isinstance(node, yaml.MappingNode):
-            known = ", ".join(keys)
-            nodes.refuse(node, problems, f"expected a mapping (keys: {known}), found {nodes.shown(node)}")
+            nodes.refuse(node, problems, f"expected a mapping (keys: {', '.join(keys)}), found {nodes.shown(node)}")
         pairs = _pairs(node, problems, SCALAR)
         wrong = [Problem(each.place, str(UnknownName("key", str(each), keys))) for each in pairs if each not in keys]
         wrong += [

@@ -207,7 +207,7 @@ MALFORMED = [
     ("", "1:1: the file is empty"),
     ("panel.eds", "1:1: expected a mapping (keys: nodes, shared, order, "),
     ("5: panel.eds", "1:1: unknown key '5'; known: nodes, shared, order, "),
-    ("nodes: {5: panel.eds}", "1:12: expected a mapping (keys: file, node_id, name, "),
+    ("nodes: {5: panel.eds}", "1:12: expected a mapping (keys: file, node_id, "),
     ("nodes: {}\n", ": it names no nodes"),
     ("nodes:\n  panel: {node_id: 1}\n", ": node panel names no file, and lint asks no library"),
     (
