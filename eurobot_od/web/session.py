@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice, takewhile
 from pathlib import Path
 from queue import Empty, Full, Queue
@@ -477,7 +478,7 @@ class LogRecording:
         self._file = folder / time.strftime("bus-%Y%m%d-%H%M%S.log")
         self._frames = 0
         self._trouble = ""
-        self._write = self._open.enter_context(recording(self._file))
+        self._write = self._open.enter_context(recording(self._file, tell=partial(setattr, self, "_trouble")))
 
     def write(self, now: float, frame: Frame) -> None:
         """Write a frame, if the recording is on."""

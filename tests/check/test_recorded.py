@@ -74,6 +74,12 @@ def test_a_recorded_suite_has_objects_and_values_in_words() -> None:
     assert any(line.startswith("  - period: {message: {motor.TPDO1:") for line in lines)
 
 
+def test_a_recorded_field_has_the_range_of_its_values_or_the_one_that_it_had() -> None:
+    log = [*LOG, *((LOG[-1][0] + 0.1 * n, "", Frame(0x185, bytes([n, 0, 9, 0, 0, 0, 0, 0]))) for n in range(1, 9))]
+    text = suite_of(DECODER, "motor", log, "a ramp", begin=LOG[-1][0])
+    assert "{motor.TPDO1: {speed: 1..8, current: 9," in text
+
+
 def test_a_recorded_suite_is_red_on_a_device_with_other_answers() -> None:
     result = run(suite_of(DECODER, "motor", LOG, "as it was"), {TEMPERATURE: 300})
     red = [step for step in result.steps if step.status is Status.FAILED]

@@ -6,9 +6,11 @@ import json
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from eurobot_od.cli.node import _stay
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
@@ -212,6 +214,40 @@ def test_several_devices_are_drives_as_one_is(
         made.clear()
         assert run(capsys, "node", "--eds", f"5={file}", "--eds", f"6={file}", *words).status == 0
         assert [type(each) for each in made] == kinds
+
+
+PACKAGE = """
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.plugin import Plugin
+
+DEVICE = Plugin("own", (0,), device=lambda: type("Own", (SimulatedDevice,), {}))
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"), [((), "Own"), (("--profile", "none"), "SimulatedDevice")], ids=["a package", "a profile"]
+)
+def test_an_explicit_profile_takes_precedence_over_a_package(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    words: tuple[str, ...],
+    kind: str,
+) -> None:
+    (tmp_path / "own.py").write_text(PACKAGE)
+    made: list[Node] = []
+    monkeypatch.setattr("eurobot_od.cli.node._run", lambda _live, node, *_: made.append(node))
+    file = Path(__file__).parents[2] / "docs" / "servo.eds"
+    run(capsys, "node", "--eds", f"5={file}", "--package", str(tmp_path / "own.py"), "-i", "virtual", *words)
+    assert [type(each).__name__ for each in made] == [kind]
+
+
+def test_a_node_runs_as_long_as_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    live = Mock(clock=lambda: now[-1], failure=None, controller=Mock(report_failure=None), station=None)
+    monkeypatch.setattr("time.sleep", lambda seconds: now.append(now[-1] + seconds))
+    assert _stay(live, None, 2.0) is None
+    assert now[-1] == pytest.approx(1002.0, abs=0.2)
 
 
 @pytest.mark.usefixtures("eds")

@@ -10,6 +10,7 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+import can
 import pytest
 
 from eurobot_od.bus.live import Live
@@ -234,6 +235,15 @@ def heard(network: SimulatedNetwork) -> object:
     return network[5].nmt.state, network[5].nmt.wait_for_heartbeat(), network.scanner.nodes
 
 
+def guarded(network: SimulatedNetwork) -> object:
+    asked: list[can.Message] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(network.master.bus, "send", asked.append)
+        network[5].nmt.start_node_guarding(0.1)
+        network[5].nmt.stop_node_guarding()
+    return [(each.arbitration_id, each.is_remote_frame, each.dlc) for each in asked]
+
+
 def booted(network: SimulatedNetwork) -> object:
     network[5].nmt.send_command(130)
     network.sleep(1.0)  # it has booted, and sent a heartbeat, before anybody waits
@@ -271,6 +281,7 @@ def booted(network: SimulatedNetwork) -> object:
         (unsubscribed_one_of_two, ["second"]),
         (scaled, [21.5, 215, 30, 300]),
         (heard, ("UNKNOWN", "STOPPED", [5])),
+        (guarded, [(0x705, True, 1)]),
         (booted, "PRE-OPERATIONAL"),
         (lambda n: n[5].tpdo[1].wait_for_reception(0.1), None),
         (lambda n: n.add_node(7, EDS).id, 7),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import itertools
 import os
+import queue
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -27,8 +29,13 @@ MANY = [(number / 100, Frame(number % 0x700, bytes([number % 256] * (number % 9)
 """More frames than any writer keeps before it writes."""
 
 
-def record(file: Path | None, frames: Iterable[tuple[float, Frame]], on_failure: str = GO_ON) -> None:
-    with recording(file, on_failure) as write:
+def record(
+    file: Path | None,
+    frames: Iterable[tuple[float, Frame]],
+    on_failure: str = GO_ON,
+    tell: Callable[[str], object] = print,
+) -> None:
+    with recording(file, on_failure, tell) as write:
         for time, frame in frames:
             write(time, frame)
 
@@ -184,6 +191,50 @@ def test_a_full_disk_interrupts_what_is_recorded_if_that_was_asked_for(tmp_path:
     for_ever = ((number, Frame(0x004)) for number in itertools.count())
     with pytest.raises(OSError, match="No space left on device"):
         record(tmp_path / "match.log", for_ever, END)
+
+
+class Filling(recorder.Disk):
+    """A disk that is full for a while; what is written then is there in part."""
+
+    is_full = False
+    written = threading.Event()
+
+    def flush(self) -> None:
+        self._file.flush()
+        if self.is_full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        super().flush()
+        self.written.set()
+
+    def come_back(self) -> bool:
+        return not self.is_full and super().come_back()
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "csv", "trc", "blf"])
+def test_a_log_goes_on_when_its_disk_has_room_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(recorder, "PERIOD", 0.001)
+    monkeypatch.setattr(recorder, "Disk", Filling)
+    file, told = tmp_path / f"match.{suffix}", queue.SimpleQueue[str]()
+
+    def recorded_in_parts() -> Iterator[tuple[float, Frame]]:
+        yield from MANY[:10]
+        Filling.written.clear()
+        assert Filling.written.wait(10)
+        monkeypatch.setattr(Filling, "is_full", True)
+        yield from MANY[10:15]
+        assert told.get(timeout=10).endswith(": No space left on device: nothing is logged until there is room")
+        yield from MANY[15:20]
+        monkeypatch.setattr(Filling, "is_full", False)
+        assert told.get(timeout=10).endswith(": there is room again; 10 frames within 0.1 s are missing")
+        yield from MANY[20:23]
+
+    with pytest.raises(OSError, match="10 frames are missing, as the disk was full: the log is not whole"):
+        record(file, recorded_in_parts(), tell=told.put)
+    assert frames_on_disk(file) == [frame for _, frame in (*MANY[:10], *MANY[20:23])]
+    if suffix in ("asc", "trc"):
+        assert "10 frames within 0.1 s are missing here: the disk was full\n" in file.read_text()
 
 
 LEFT_OPEN = "ignore::pytest.PytestUnraisableExceptionWarning"

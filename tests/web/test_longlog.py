@@ -137,8 +137,9 @@ def test_a_thinned_series_keeps_first_least_most_and_last_value() -> None:
         ({"rows": ["EMCY lift"], "time": 5.03}, None),
         ({"rows": ["EMCY lift"], "time": 5.03, "back": True}, None),
         ({"rows": ["Heartbeat lift", PLACE], "time": 39.01}, 39.05),
+        ({"rows": ["Heartbeat lift"], "time": 0.0}, 0.01),
     ],
-    ids=["later", "back", "none later", "none before", "of two rows"],
+    ids=["later", "back", "none later", "none before", "of two rows", "at the begin of the log"],
 )
 def test_the_next_frame_of_some_rows_is_found_in_the_whole_log(
     said: dict[str, Any], time: float | None, log: LongLog

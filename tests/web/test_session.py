@@ -162,6 +162,16 @@ def test_a_changed_event_is_kept_as_a_new_one(monkeypatch: pytest.MonkeyPatch) -
     session.close()
 
 
+def test_a_message_has_a_period_after_two_intervals(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+    session, send = bus
+    periods = []
+    for _ in range(3):
+        send(BEAT)
+        [row] = snapshot(session)["rows"]
+        periods.append(row["period"] is None)
+    assert periods == [True, True, False]
+
+
 def test_a_recording_ends_by_itself_when_it_is_long(
     bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -179,7 +189,7 @@ def test_a_full_disk_ends_a_recording_and_nothing_else(
     bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     @contextmanager
-    def full(_: Path) -> Iterator[Callable[[float, Frame], None]]:
+    def full(_: Path, **_options: object) -> Iterator[Callable[[float, Frame], None]]:
         with Path("/dev/full").open("w", buffering=1) as disk:
             yield lambda _time, frame: print(frame, file=disk)
 
@@ -198,7 +208,7 @@ def test_a_recording_that_cannot_be_ended_lets_the_bus_go_all_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     @contextmanager
-    def full(_: Path) -> Iterator[Callable[[float, Frame], None]]:
+    def full(_: Path, **_options: object) -> Iterator[Callable[[float, Frame], None]]:
         with Path("/dev/full").open("w") as disk:  # noticed only when what is buffered is written
             yield lambda _time, frame: print(frame, file=disk)
 

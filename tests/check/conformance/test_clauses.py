@@ -8,9 +8,11 @@ import pytest
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Clause, DeviceUnderTest, StepName, Tier, need, settable
+from eurobot_od.check.conformance.objects import CHAPTER as OBJECTS
 from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
+from tests.client.servo import SERVO
 from tests.eds_text import DEVICE_TYPE, variable
 
 CHAPTER = Chapter[DeviceUnderTest]("odd", "odd things", fresh=True)
@@ -58,6 +60,22 @@ def test_a_device_without_an_error_register_is_asked_for_a_number_and_for_no_tex
     text = variable("1008", "Device name", "VISIBLE_STRING", "") + variable("1017", "Heartbeat", "UNSIGNED16", "0")
     dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
     assert DeviceUnderTest(dictionary).probe == HEARTBEAT_TIME
+
+
+def test_a_raw_value_is_not_taken_for_a_physical_one() -> None:
+    heartbeat, temperature = SERVO.variable(HEARTBEAT_TIME), SERVO.variable((0x2001, 0))
+    assert heartbeat is not None
+    assert temperature is not None
+    assert (step.raw(heartbeat, 215), step.raw(temperature, 215)) == (215, "raw:215")
+
+
+def test_another_value_is_written_to_objects_of_the_maker_only() -> None:
+    objects = (variable(index, "Speed", "UNSIGNED16", "0") for index in ("1017", "2000", "2001"))
+    text = DEVICE_TYPE + "".join(objects).replace("PDOMapping=1", "PDOMapping=0")
+    dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
+    steps: list[Data] = OBJECTS.suite(DeviceUnderTest(dictionary, Tier.DESTRUCTIVE), "tag", [], [])["steps"]
+    written = [each["name"] for each in steps if "another value" in each["name"]]
+    assert [name.split(": ")[1] for name in written] == ["0x2000:0 Speed", "0x2001:0 Speed"]
 
 
 def test_a_group_of_a_fresh_chapter_begins_and_ends_with_a_reset() -> None:

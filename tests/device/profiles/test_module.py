@@ -227,6 +227,16 @@ def test_an_analogue_input_is_multiplied_and_then_the_offset_added(factor: int, 
     assert int.from_bytes(wire.read(*LEVEL).to_bytes(2, "little"), "little", signed=True) == value
 
 
+def test_an_analogue_input_of_32_bits_is_multiplied_too() -> None:
+    fields = ((0x6402, "INTEGER32", 0), (0x6431, "INTEGER32", 7), (0x6432, "INTEGER32", 3))
+    objects = (record(index, "Channel", (0, "UNSIGNED8", "1"), (1, kind, str(n))) for index, kind, n in fields)
+    text = variable("1000", "Device type", "UNSIGNED32", "0x40191") + "".join(objects)
+    wire = NodeWire(SimulatedModule(Dictionary.read(text.encode(), Path("wide.eds"), NODE_ID), waveforms={
+        (0x6402, 1): lambda _: 70_000
+    }))  # fmt: skip
+    assert wire.read(0x6402, 1) == 210_007
+
+
 @pytest.mark.parametrize(("factor", "offset", "value"), SCALES[:-1])
 def test_an_analogue_output_is_scaled(factor: int, offset: int, value: int) -> None:
     made = SimulatedModule(IO)

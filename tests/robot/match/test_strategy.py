@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+import pytest
+
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.seeds import play
 from eurobot_od.robot.match.stage import EdsFiles
-from eurobot_od.robot.match.strategy import STUCK, Strategy
+from eurobot_od.robot.match.strategy import PACE, STUCK, Strategy
 from eurobot_od.robot.model.messages import Enemy1PositionResponse, KalmanPositionResponse
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.robot_file import Worth
@@ -80,6 +82,14 @@ def test_far_tasks_wait_until_the_forecast_knows_which_fires_were_pushed() -> No
     assert strategy.best() is None
     strategy.forecast.is_blind = False
     assert strategy.best() is not None
+
+
+def test_a_task_takes_its_way_the_beginning_of_a_goto_and_its_work() -> None:
+    _, strategy = started()
+    task = strategy.todo["fire 3"]
+    here = strategy.estimate(task.pose, task)
+    assert here > task.seconds
+    assert strategy.estimate(task.pose.moved(900.0, 0.0), task) - here == pytest.approx(900.0 / PACE)
 
 
 def test_a_robot_that_has_not_moved_for_long_plans_a_way_round_the_others() -> None:

@@ -239,6 +239,17 @@ def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, asi
     assert pose.distance(goal) <= LIMITS.deviation
 
 
+def test_a_jump_during_the_final_turn_is_driven_again() -> None:
+    pending = [30.0]
+
+    def once(pose: Pose) -> Pose:
+        return pose.moved(pending.pop(), 0.0) if pending and pose.angle > 45.0 else pose
+
+    pose, _ = list(drive(Motion(LIMITS, [START.point], 90.0, 100), START, once))[-1]
+    assert not pending
+    assert pose.distance(START.point) <= LIMITS.deviation
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_arrives_with_slipping_wheels_and_noisy_navigation(seed: int) -> None:
     """Wheels 2 % short, navigation off by 5 mm and 1 degree as in document Table 2, every 100 ms."""
@@ -440,18 +451,26 @@ def test_two_way_points_round_a_corner_become_one_where_that_is_free(
 
 
 @pytest.mark.parametrize(
-    "way", [[], [Point(500.0, 0.0)], [Point(500.0, 0.0), Point(600.0, 30.0), Point(800.0, 60.0)]], ids=len
+    "way",
+    [
+        [],
+        [Point(500.0, 0.0)],
+        [Point(500.0, 0.0), Point(600.0, 30.0), Point(800.0, 60.0)],
+        [Point(100.0 * number, 0.0) for number in range(1, 9)],
+    ],
+    ids=len,
 )
 def test_legs_that_are_nearly_in_line_stay_as_they_are(way: list[Point]) -> None:
     assert with_fewer_stops((Point(0.0, 0.0), *way), [], Clearances(FACTS, {}, edge=0.0)) == tuple(way)
 
 
-def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside() -> None:
-    disc = Disc(Point(0.0, 500.0), 100.0, toll=0.0)
+@pytest.mark.parametrize("y", [500.0, -50.0])
+def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside(y: float) -> None:
+    disc = Disc(Point(0.0, y), 100.0, toll=0.0)
     generator = random.Random(1)
     met = []
     for _ in range(300):
-        start, end = (Point(generator.uniform(-300.0, 300.0), generator.uniform(200.0, 800.0)) for _ in range(2))
+        start, end = (Point(generator.uniform(-300.0, 300.0), y + generator.uniform(-300.0, 300.0)) for _ in range(2))
         shares = [number / 200 for number in range(201)]
         points = [Point(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y)) for share in shares]
         if abs(min(math.dist(disc.centre, each) for each in points) - disc.radius) > 1.0:  # too near to sample

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -119,6 +120,13 @@ def test_the_field_is_to_scale() -> None:
     borders = (each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("stroke") == svg.INK)
     (border,) = (each for each in borders if each.get("x") == "0")
     assert (float(border.attrib["width"]), float(border.attrib["height"])) == (FACTS.field.width, FACTS.field.height)
+
+
+@pytest.mark.parametrize(("share", "scaled"), [(0.5, "scale(2.0000)"), (1.0, ""), (2.0, "scale(0.5000)")])
+def test_another_field_is_drawn_as_large_as_the_room(share: float, scaled: str) -> None:
+    field = replace(FACTS.field, width=round(3000 * share), height=round(2000 * share))
+    text = sheet(record(EVENTS, Truth()), replace(FACTS, field=field), "Match")
+    assert "".join(re.findall(r"scale\([\d.]+\)", text)) == scaled
 
 
 def test_pools_stand_where_they_stand() -> None:

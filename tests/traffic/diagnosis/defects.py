@@ -64,6 +64,7 @@ DEVICES = {
     "short": _device(6, "short", record(0x1016, "Consumers", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "0x00050064"))),
     "inhibited": _device(5, "inhibited", _sends("0x185", type="255", inhibit="100"), heartbeat="0"),
     "timed": _device(5, "timed", _sends("0x185", type="255", timer="100"), heartbeat="0"),
+    "seldom": _device(5, "seldom", _sends("0x185", type="255", timer="1500"), heartbeat="0"),
     "synchronous": _device(5, "synchronous", _sends("0x185", type="1")),
     "event": _device(5, "event", _sends("0x185", type="255")),
     "waiter": _device(5, "waiter", _takes("0x205")),
@@ -355,6 +356,7 @@ DEFECTS = [
         ("arm",),
     ),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, beats(period=0.11), ("arm",)),
+    RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.14), 0.84, beats(period=0.11), ("arm",)),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, every(0.1, "185#0000"), 2.0, every(0.1, "185#0000", until=0.9), ("event",)),
     RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, at(*["705#05"] * 8, gap=0), ("arm",)),  # no times
     RuleDefect(BusRule.CONSUMER_UNFED, beats(node=6), 2.0, log(beats(), beats(node=6)), ("watcher",)),
@@ -466,6 +468,7 @@ DEFECTS = [
         BusRule.PDO_TIMER, at("185#0000", "185#0000", gap=0.2), 0.2, at("185#0000", "185#0000", gap=0.12), ("timed",)
     ),
     RuleDefect(BusRule.PDO_TIMER, beats(), 2.0, log(beats(), every(0.1, "185#0000")), ("timed",)),
+    RuleDefect(BusRule.PDO_TIMER, beats(until=3), 3.0, beats(), ("seldom",)),
     RuleDefect(
         BusRule.PDO_STOPS,
         log(beats(until=4), every(0.05, "205#0000", 1.0)),
