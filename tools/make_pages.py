@@ -25,6 +25,7 @@ import lint_mutants  # noqa: E402
 from eurobot_od.check.conformance import page  # noqa: E402
 from eurobot_od.check.conformance.clauses import Tier  # noqa: E402
 from eurobot_od.check.conformance.page import DeviceRun  # noqa: E402
+from eurobot_od.check.report import CheckedDevice  # noqa: E402
 from eurobot_od.client.canopen_names import MISSING  # noqa: E402
 from eurobot_od.device.faults import FAULTS  # noqa: E402
 from eurobot_od.device.simulated import SimulatedDevice  # noqa: E402
@@ -207,7 +208,7 @@ def conformance_report() -> str:
     module = Dictionary.load(IO_MODULE, NODE_ID)
     kind = FAULTS["guarding-toggle-stuck"].given_to(SimulatedDevice)
     done = list(results(suites_of(module, Tier.DESTRUCTIVE), kind))
-    return page.text(REPORT, [DeviceRun(module, Tier.DESTRUCTIVE, done)])
+    return page.text(REPORT, [DeviceRun(CheckedDevice(module), Tier.DESTRUCTIVE, done)])
 
 
 MADE: Mapping[Path, Callable[[], str]] = {

@@ -20,7 +20,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import yaml_places, yaml_shapes
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, refuse
-from eurobot_od.support.yaml_shapes import SCALAR, TEXT, Key, Shape, pairs_of
+from eurobot_od.support.yaml_shapes import SCALAR, TEXT, Key, Shape, converted, filled, pairs_of
 from eurobot_od.traffic.meaning import Decoder
 
 VERSION = 1
@@ -60,7 +60,7 @@ class Format:
             "world": Key(yaml_shapes.named({"shared": True, "any": False}, "world")),
             "tags": Key(yaml_shapes.one_or_more(TEXT)),
             "setup": Key(steps),
-            "steps": Key(steps, "the steps", needed=True),
+            "steps": Key(converted(steps, filled), "the steps", needed=True),
             "teardown": Key(steps),
         }
 

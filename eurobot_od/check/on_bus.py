@@ -178,7 +178,8 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
                 program.stop()
             await asyncio.sleep(0)  # a cancelled task ends only when the loop has its turn
 
-    return replace(loop.run(network, main()), remarks=tuple(dict.fromkeys(raised(network.reports))))
+    result = loop.run(network, main())
+    return replace(result, remarks=(*result.remarks, *dict.fromkeys(raised(network.reports))))
 
 
 def raised(reports: Sequence[Report]) -> Iterator[str]:
@@ -296,6 +297,6 @@ def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusAB
         bench = LiveBench(open_bus)
         with bench.reader:
             result = await Runner(suite, bench, options).run(f"on {bench.reader.name}")
-            return replace(result, remarks=tuple(_played_but_present(suite, bench.trace.frames)))
+            return replace(result, remarks=(*result.remarks, *_played_but_present(suite, bench.trace.frames)))
 
     return asyncio.run(main())

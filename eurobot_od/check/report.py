@@ -12,6 +12,8 @@ from xml.etree import ElementTree
 
 from eurobot_od.check.suite import Mismatch, Suite
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.yaml_places import Place
 
@@ -46,7 +48,7 @@ class Line(NamedTuple):
 class StepReason(NamedTuple):
     """Why a step failed: a sentence, the differences, and the last frames on the bus.
 
-    `cause` is the error that the node itself reports.
+    `cause` is the error that the node itself reports, `meanwhile` what else may be the reason.
     """
 
     what: str
@@ -55,12 +57,14 @@ class StepReason(NamedTuple):
     mismatches: tuple[Mismatch, ...] = ()
     frames: tuple[Line, ...] = ()
     cause: str = ""
+    meanwhile: str = ""
 
     @property
     def facts(self) -> list[tuple[str, str]]:
         """All facts but `what`, each with its heading."""
         off = [(each.what, each.words) for each in self.mismatches]
-        said = [("expected", self.expected), ("came", self.came), *off, ("the node says", self.cause)]
+        why = [("the node says", self.cause), ("meanwhile", self.meanwhile)]
+        said = [("expected", self.expected), ("came", self.came), *off, *why]
         return [each for each in said if each[1]]
 
 
@@ -107,6 +111,54 @@ class SuiteResult:
         """Whether a step is red."""
         return self.count(Status.FAILED) > 0
 
+
+class CheckedDevice(NamedTuple):
+    """A device under test, and the identity that it has `shown` on the bus; `doubt` says why it may be another one."""
+
+    dictionary: Dictionary
+    shown: Identity | None = None
+    doubt: str = ""
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """File, node-ID and identities, each with its heading."""
+        device = self.dictionary
+        identity = ("Identity in the file (0x1018)", str(Identity.of(device)))
+        shown = ("Identity of the device (0x1018)", str(self.shown or ""))
+        facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), identity, shown]
+        return [each for each in facts if each[1]]
+
+
+class RunFacts(NamedTuple):
+    """What somebody else has to know of a run: by which program, when it `began` (ISO 8601), and where; its devices."""
+
+    made_by: str = ""
+    began: str = ""
+    bus: str = ""
+    devices: Sequence[CheckedDevice] = ()
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """The facts with their headings, without the devices."""
+        rows = [("Bus", self.bus), ("Begun", self.began.replace("T", " ")), ("Made by", self.made_by)]
+        return [each for each in rows if each[1]]
+
+    @property
+    def doubts(self) -> list[str]:
+        """Why a device may be another one than its file describes."""
+        return [each.doubt for each in self.devices if each.doubt]
+
+    @property
+    def properties(self) -> Iterator[tuple[str, str]]:
+        """The properties of a JUnit report."""
+        yield from (("program", self.made_by), ("bus", self.bus))
+        for each in self.devices:
+            facts = [*each.facts, *([("doubt", each.doubt)] if each.doubt else [])]
+            yield from ((f"{each.dictionary.name}: {what}", said) for what, said in facts)
+
+
+UNTOLD = RunFacts()
+"""The facts of a run of which nothing is known."""
 
 AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
 """Name of the last step of each conformance suite."""
@@ -181,7 +233,13 @@ def summary(results: Sequence[SuiteResult]) -> str:
     seconds = sum(result.seconds for result in results)
     asked_again = sum(result.asked_again for result in results)
     again = f"; {amount(asked_again, 'SDO request')} asked again, as no answer came" if asked_again else ""
-    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time{again}"
+    nothing = "; NOTHING WAS CHECKED" if checked_nothing(results) else ""
+    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time{again}{nothing}"
+
+
+def checked_nothing(results: Sequence[SuiteResult]) -> bool:
+    """Return whether no step was done: all were skipped, or there are none."""
+    return not any(result.count(*(each for each in Status if each is not Status.SKIPPED)) for result in results)
 
 
 def not_run(results: Iterable[SuiteResult]) -> Iterator[str]:
@@ -232,20 +290,25 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
             if step.status is Status.FAILED and step.name == AS_THEY_WERE and step.reason is not None:
                 off = step.reason.mismatches
                 objects = "; ".join(f"{each.what} was {each.expected}, is {each.came}" for each in off)
-                yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {HOW_TO_RESTORE}")
+                by = "CHANGED during" if step.reason.meanwhile else "LEFT CHANGED by"
+                yield one_line(f"{result.file.stem}: {by} {result.name}: {objects}. {HOW_TO_RESTORE}")
 
 
 # JUnit
 
 
-def junit(results: Sequence[SuiteResult]) -> str:
+def junit(results: Sequence[SuiteResult], facts: RunFacts = UNTOLD) -> str:
     """Return a JUnit XML report: a test suite per suite, a test case per step."""
-    root = ElementTree.Element("testsuites", _totals(results))
+    began = {"timestamp": facts.began} if facts.began else {}
+    root = ElementTree.Element("testsuites", _totals(results) | began)
     for result in results:
-        suite = ElementTree.SubElement(root, "testsuite", {"name": result.name} | _totals([result]))
-        if result.skipped:
+        suite = ElementTree.SubElement(root, "testsuite", {"name": result.name} | _totals([result]) | began)
+        properties = ElementTree.SubElement(suite, "properties")
+        for name, value in [*facts.properties, ("run", result.how)]:
+            ElementTree.SubElement(properties, "property", {"name": name, "value": value})
+        if whole := _as_one_case(result):
             case = ElementTree.SubElement(suite, "testcase", {"classname": result.file.stem, "name": result.name})
-            ElementTree.SubElement(case, "skipped", {"message": result.skipped})
+            ElementTree.SubElement(case, *whole)
         for step in result.steps:
             suite.append(_test_case(result, step))
     # XML 1.0 allows no control characters, not even escaped ones, and ElementTree does not check.
@@ -255,13 +318,20 @@ def junit(results: Sequence[SuiteResult]) -> str:
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
+def _as_one_case(result: SuiteResult) -> tuple[str, dict[str, str]] | None:
+    """Return the element of a suite that has no step with its result: it is skipped, or has failed before one."""
+    if result.skipped:
+        return "skipped", {"message": result.skipped}
+    return ("error", {"message": result.error}) if result.error and not result.count(Status.BUS_FAILED) else None
+
+
 def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
+    whole = Counter(each[0] for result in results if (each := _as_one_case(result)))
     counts = {
-        # A suite that is skipped as a whole is one test case (see `junit`).
-        "tests": sum(len(result.steps) + bool(result.skipped) for result in results),
+        "tests": sum(len(result.steps) for result in results) + whole.total(),
         "failures": sum(result.count(Status.FAILED) for result in results),
-        "errors": sum(result.count(Status.BUS_FAILED, Status.INTERRUPTED) for result in results),
-        "skipped": sum(result.count(Status.SKIPPED) + bool(result.skipped) for result in results),
+        "errors": sum(result.count(Status.BUS_FAILED, Status.INTERRUPTED) for result in results) + whole["error"],
+        "skipped": sum(result.count(Status.SKIPPED) for result in results) + whole["skipped"],
     }
     return {name: str(count) for name, count in counts.items()} | {"time": f"{sum(r.seconds for r in results):.6f}"}
 
@@ -322,5 +392,5 @@ def _reason_data(reason: StepReason) -> dict[str, Any]:
         }
         for line in reason.frames
     ]
-    said = {key: getattr(reason, key) for key in ("what", "expected", "came", "cause")}
+    said = {key: getattr(reason, key) for key in ("what", "expected", "came", "cause", "meanwhile")}
     return {**said, "differences": [each._asdict() for each in reason.mismatches], "frames": frames}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import Callable, Coroutine, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,12 +19,13 @@ from eurobot_od.check.actions.objects import SdoRead, SdoWrite
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.report import GOES_ON, Line, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import StepRunner
-from eurobot_od.check.suite import Group, Report, Step, StepAction, Suite
+from eurobot_od.check.suite import Group, NodeServices, Report, Step, StepAction, Suite
 from eurobot_od.check.tester import BenchTester, Failed, Gone, Skipped
-from eurobot_od.device.nmt import NmtState, error_control
+from eurobot_od.device.nmt import NmtState, command_in, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.od.standard import EMCY
-from eurobot_od.od.values import base_identifier
+from eurobot_od.od.values import ERROR_CONTROL_BASE, base_identifier
+from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_places import Place
 
 AFTER_SKIPPED = StepReason("it belongs to a step that is skipped")
@@ -35,6 +36,9 @@ OWN_ERROR = "the node has an error of its own (0x1001), which is red, and need n
 
 EMCY_LENGTH = 8
 """Length of an EMCY in bytes (CiA 301, 7.2.7.4)."""
+
+HEARD = "the node under test is on the bus"
+"""Name of the step that is red if all others are green although no node under test is there."""
 
 FRAMES_SHOWN = 8
 """Number of last frames on the bus that a failed step shows."""
@@ -137,6 +141,8 @@ class Runner:
 
     def __init__(self, suite: Suite, bench: Bench, options: RunOptions) -> None:
         self._suite = suite
+        self._nodes = [suite.dictionaries[name] for name in suite.nodes]
+        self._emcys = {found for each in self._nodes if (found := base_identifier(each.default(EMCY))) is not None}
         self._bench = bench
         self._options = options
         self._trace = bench.trace
@@ -167,6 +173,8 @@ class Runner:
                 await self._step(SuitePart.TEARDOWN, step, True, name)
         # The teardown goes on after a red step: a later step may be the one that stops the node.
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
+        await self._check_heard()
+        disturbed = [each for each in self._results if each.reason and each.reason.meanwhile]
         return SuiteResult(
             suite.file,
             suite.name,
@@ -177,7 +185,41 @@ class Runner:
             ended=self._ended_by,
             asked_again=self._tester.asked_again,
             slowest=self._tester.slowest,
+            remarks=(self._other_client(),) if disturbed else (),
         )
+
+    async def _check_heard(self) -> None:
+        """Add a red step if all that was done is green, and yet no node under test is there."""
+        statuses = {result.status for result in self._results}
+        is_green = Status.PASSED in statuses and statuses <= {*GOES_ON}
+        if not is_green or self._options.interrupt.requested:
+            return
+        sent = {each.cob_id for each in self._suite.decoder.protocol.bindings if {*each.senders} & {*self._suite.nodes}}
+        sent |= {ERROR_CONTROL_BASE + each.node_id for each in self._nodes} | self._emcys
+        sent |= {NodeServices.of(each).sdo_answer for each in self._nodes}
+        if any(not own and frame.cob_id in sent for _, frame, own in self._trace.frames):
+            return
+        started = self._since_start
+        with suppress(BusError):
+            for each in map(NodeServices.of, self._nodes):
+                if await self._tester.is_there(each, self._suite.timeout):
+                    return
+        names = " or ".join(self._suite.nodes)
+        reason = StepReason(f"no frame of {names} since the suite began, and no answer to an SDO request: is it on?")
+        took = self._since_start - started
+        self._add(StepResult(SuitePart.STEPS, HEARD, self._results[0].place, Status.FAILED, started, took, reason))
+
+    def _other_client(self) -> str:
+        """Return that another client speaks to the only node under test; empty if none does."""
+        if len(self._nodes) != 1:  # they may be each other's clients
+            return ""
+        node = NodeServices.of(self._nodes[0])
+        others = (frame for _, frame, own in self._trace.frames if not own)
+        asked = [each for each in others if each.cob_id == node.sdo_request or command_in(each, node.node_id)]
+        if not asked:
+            return ""
+        since = f"{amount(len(asked), 'frame')} since the suite began, the last one {asked[-1]}"
+        return f"another client speaks to {node.name} ({since}): end it, and run this again"
 
     async def _until_teardown(self) -> None:
         """Do the setup, the chosen steps, and the steps that they may need."""
@@ -271,17 +313,15 @@ class Runner:
             Line(time - self._start, own, frame, words)
             for (time, frame, own), words in self._tester.last_frames(FRAMES_SHOWN)
         )
-        return status, reason._replace(frames=tuple(frames), cause=self._reported())
+        return status, reason._replace(frames=tuple(frames), cause=self._reported(), meanwhile=self._other_client())
 
     def _reported(self) -> str:
         """Return the last error that a node under test has reported since it booted, empty if it is reset."""
-        nodes = [self._suite.dictionaries[name] for name in self._suite.nodes]
-        boots = {error_control(each.node_id, NmtState.INITIALISING) for each in nodes}
-        emcys = {base_identifier(each.default(EMCY)) for each in nodes}
+        boots = {error_control(each.node_id, NmtState.INITIALISING) for each in self._nodes}
         for _, frame, own in reversed(self._trace.frames):
             if not own and frame in boots:
                 break
-            if not own and frame.cob_id in emcys and len(frame.data) == EMCY_LENGTH:
+            if not own and frame.cob_id in self._emcys and len(frame.data) == EMCY_LENGTH:
                 return self._tester.words(frame) if any(frame.data[:2]) else ""
         return ""
 

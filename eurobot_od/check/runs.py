@@ -7,15 +7,19 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
-from eurobot_od.check.report import StepResult, SuiteResult
+from eurobot_od.check.report import CheckedDevice, StepResult, SuiteResult
 from eurobot_od.check.suite import Report, Suite
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, RemoteError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import stranger
+from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
 
     from eurobot_od.check.runner import Interrupt, RunOptions
+    from eurobot_od.client.master import Master
 
 Show = Callable[[StepResult], None]
 """Called with each step's result, as soon as it is known."""
@@ -167,6 +171,25 @@ def results_of(
                 ended = f"the bus failed: {result.error}"
             if runner.is_made and result.ended:
                 gone[suite.nodes] = f"'{result.ended}' is red in '{result.name}', and nothing else can be asked"
+
+
+def identified(master: Master, dictionaries: Iterable[Dictionary]) -> list[CheckedDevice]:
+    """Return devices with the identity that each shows, and why it may not be the one of its file; raises BusError."""
+    from eurobot_od.client.description import read_numbers
+    from eurobot_od.library.library import identity_of
+
+    found = []
+    for each in dictionaries:
+        master.follow(each)
+        try:
+            numbers = read_numbers(master.node(each.node_id))
+        except RemoteError as error:
+            found.append(CheckedDevice(each, None, f"node {each.node_id} has not shown its identity: {error}"))
+        else:
+            identity = identity_of(numbers)
+            doubt = stranger(each, each.node_id, identity, numbers.get(DEVICE_TYPE))
+            found.append(CheckedDevice(each, identity, doubt))
+    return found
 
 
 # Two runs

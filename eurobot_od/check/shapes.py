@@ -20,7 +20,7 @@ import yaml
 from eurobot_od.check import suite
 from eurobot_od.check.values import FieldValues, Operand, Scale, ValueProblem, Values, expectation
 from eurobot_od.device.nmt import STATE_NAMES
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, UnknownName, meant
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
@@ -29,6 +29,7 @@ from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import ERROR_CONTROL_BASE, base_identifier, parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import NOTHING, Catalogue, KeyedForm, Kind, field_name, plain_name
+from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.support import texts
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
@@ -144,7 +145,18 @@ def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
 
 TRANSFERS = {each.value: each for each in (suite.Blocks.PLAIN, suite.Blocks.WITHOUT_CRC)}
 
-ABORTS = _or_any(converted(shapes.one_or_more(NUMBER), suite.AbortCodes), suite.AbortCodes(()))
+
+def _abort_code(text: str) -> int:
+    """Parse an abort code, with all its digits if it is hexadecimal; raises LocalError."""
+    if text.isdecimal() and len(text) <= 10 and int(text) <= 0xFFFFFFFF:
+        return int(text)
+    if not re.fullmatch(r"0[xX][0-9A-Fa-f]{8}", text):
+        known = [f"0x{each:08X}" for each in AbortCode]
+        raise LocalError(f"{text!r} is not an abort code of 8 hexadecimal digits{meant(text, known)}")
+    return int(text, 16)
+
+
+ABORTS = _or_any(converted(shapes.one_or_more(converted(SCALAR, _abort_code)), suite.AbortCodes), suite.AbortCodes(()))
 
 
 class ServiceShapes:

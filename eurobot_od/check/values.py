@@ -257,4 +257,15 @@ def expectation(text: str, scale: Scale) -> Expected:
     form, operands = next((form, match.groups()) for form, match in may if match)
     # The second operand of `1200 +- 15` is a distance: 15 need not be a value that the field may have.
     scales = (scale, scale._replace(values=scale.values.distances) if form.test is _near else scale)
-    return Expected(form, tuple(each.operand(operand) for each, operand in zip(scales, operands)), scale.values)
+    expected = tuple(each.operand(operand) for each, operand in zip(scales, operands))
+    if form.test is _between and all(each.variable is None for each in expected):
+        _check_range(written, scale.values, *(each.value for each in expected))
+    return Expected(form, expected, scale.values)
+
+
+def _check_range(written: str, values: Values, low: Any, high: Any) -> None:
+    """Check that a range is one of numbers, and has some; raises ValueProblem."""
+    if not all(isinstance(each, (int, float)) and not isinstance(each, Enum) for each in (low, high)):
+        raise ValueProblem(f"{written!r} is not a range of numbers")
+    if values.modulus is None and low > high:
+        raise ValueProblem(f"{written!r} has no value: the smaller number stands first")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from eurobot_od.check import report
 from eurobot_od.check.format import SuiteReader
-from eurobot_od.check.report import StepResult, SuiteResult
+from eurobot_od.check.report import CheckedDevice, RunFacts, StepResult, SuiteResult, checked_nothing
 from eurobot_od.check.runs import above, chosen, listed, results_of, run_options
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, complain, version
@@ -26,7 +26,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.pdos import OnRefused
-from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import amount
@@ -36,33 +35,46 @@ if TYPE_CHECKING:
     from eurobot_od.check.runner import Interrupt
 
 
+NO_RESULTS = "it has begun, and has no results: its output says why"
+"""What reports say until a run has ended."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
     """The output of a check: one form on standard output, and files.
 
-    page: conformance: write a page for the maker, as .html or .md
+    page: write a page for somebody else, as .html or .md
     junit: write a JUnit XML report
     ctt: conformance: print by the numbers of CiA's test tool
     verbose: print every step, green and skipped ones too
     quiet: print only the red steps and the last line
     """
 
-    page: Annotated[Path | None, Option("--report", metavar="FILE")] = None
-    junit: Annotated[Path | None, Option(metavar="FILE")] = None
+    page: Annotated[Path | None, Option("--report", metavar="FILE", is_output=True)] = None
+    junit: Annotated[Path | None, Option(metavar="FILE", is_output=True)] = None
     as_json: Annotated[Json, Option(either="form")] = False
     ctt: Annotated[bool, Option(either="form")] = False
     verbose: Annotated[bool, Option("-v", either="form")] = False
     quiet: Annotated[bool, Option("-q", either="form")] = False
 
-    def check_files(self) -> None:
-        """Check before the run that the files can be written; raises LocalError, OSError."""
+    @property
+    def files(self) -> list[Path]:
+        """The files to write."""
+        return [each for each in (self.junit, self.page) if each is not None]
+
+    def begin(self, facts: RunFacts) -> None:
+        """Check that the files can be written, and replace those of an earlier run; raises LocalError, OSError.
+
+        Until the run has results, they say that it has none: an earlier report would be taken for that of this run.
+        """
         if self.page is not None:
             from eurobot_od.export.forms import form_of
 
             form_of(self.page)
-        for file in (self.junit, self.page):
-            if file is not None:
-                check_writable(file)
+        for file in self.files:
+            check_writable(file)
+        if any(each.is_file() for each in self.files):
+            self._write([SuiteResult(Path("check"), "the run", facts.bus, error=NO_RESULTS)], facts, None)
 
     @property
     def silent(self) -> bool:
@@ -90,34 +102,37 @@ class CheckReport:
         if unseen and not (self.silent or self.verbose):
             print(f"  {unseen}", flush=True)
 
-    def give(self, checks: Checks, results: Sequence[SuiteResult]) -> None:
+    def give(self, made: Made, results: Sequence[SuiteResult], facts: RunFacts) -> None:
         """Print the failures again and the summary, or the whole report in another form; write the files."""
         if self.as_json:
             print(json.dumps(report.as_data(results), indent=2))
         elif self.ctt:
             from eurobot_od.check.conformance.page import lines
 
-            for each in checks.made.suites().device_runs(checks.devices.load(), results, ""):
-                print(each.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
+            for each in made.suites().device_runs(results, facts):
+                print(each.device.dictionary.name, *lines(each.tests), *report.not_run(each.results), sep="\n")
         else:
             lines_of: list[Callable[[Sequence[SuiteResult]], Iterable[str]]] = [
                 report.changed,
                 report.remarks,
                 report.failures,
             ]
-            if checks.made.is_wanted:
+            if made.is_wanted:
                 lines_of[2:] = [report.slowest, report.not_run, report.failures, report.further]
             sys.stdout.writelines(f"{line}\n" for each in lines_of for line in each(results))
             print(report.summary(results))
-        if self.junit is not None:
-            write(self.junit, report.junit(results))
-        if self.page is not None:
-            from eurobot_od.check.conformance.page import text
+        self._write(results, facts, made)
 
-            at = datetime.datetime.now(datetime.UTC).astimezone().isoformat(" ", "seconds")
-            where = "" if checks.simulate else f", on {checks.bus.words}"
-            made = f"{version()}, {at}{where}"
-            write(self.page, text(self.page, checks.made.suites().device_runs(checks.devices.load(), results, made)))
+    def _write(self, results: Sequence[SuiteResult], facts: RunFacts, made: Made | None) -> None:
+        """Write the files; raises OSError."""
+        if self.junit is not None:
+            write(self.junit, report.junit(results, facts))
+        if self.page is not None:
+            from eurobot_od.check.page import blocks
+            from eurobot_od.export.forms import FORMS, form_of
+
+            of_run = made.suites().blocks(results, facts) if made and made.conformance else blocks(results, facts)
+            write(self.page, FORMS[form_of(self.page)](list(of_run)))
 
 
 def check(
@@ -139,9 +154,12 @@ def check(
     $ check --conformance --eds 5=motor.eds --simulate --tag nmt
     $ check --conformance --eds 5=motor.eds --tag emcy --report report.html -i socketcan -c can0
     """
-    of_made = {"output": output, "report": report.page, "ctt": report.ctt}
+    of_made = {"output": output, "ctt": report.ctt}
     _check_options(checks, {name: given for name, given in of_made.items() if given})
-    report.check_files()
+    began = datetime.datetime.now(datetime.UTC).astimezone().isoformat("T", "seconds")
+    facts = RunFacts(version(), began, "simulated" if checks.simulate else checks.bus.words)
+    if not (list or output):
+        report.begin(facts)
     for name in checks.fault:
         checks.devices.plugins.find_fault(name)  # raises for an unknown name before the first suite
     if checks.made.is_wanted and not (checks.simulate or list or output):
@@ -159,26 +177,22 @@ def check(
     if not checks.simulate:
         checks.bus.check_named()
         checks = checks.as_spoken(suites, report)
-        checks.complain_of_strangers()
+    facts = facts._replace(devices=checks.identified(suites, report))
     from eurobot_od.check.runner import Interrupt  # here, as listing suites does not need it
 
     interrupt = Interrupt()
     with interrupt.by_ctrl_c():
         results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report)]
-    report.give(checks, results)
+    report.give(checks.made, results, facts)
     if beyond and not report.as_json:
         print(f"at level {checks.level}, {amount(len(beyond), 'step')} not asked: {'; '.join(beyond)}")
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
     if any(result.error for result in results):
         return ExitStatus.TROUBLE
-    if any(result.failed for result in results):
+    if any(result.failed for result in results) or checked_nothing(results):
         return ExitStatus.FOUND
     return completeness(each for suite in suites for each in suite.dictionaries.values())
-
-
-REPORTS = {"report": "; --junit FILE reports any suite"}
-"""What to use instead of an option of generated suites."""
 
 
 def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
@@ -196,7 +210,7 @@ def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
         (made.outputs and made.profile != 401, "--outputs needs --profile 401"),
         (made.reversible and not made.is_wanted, "--reversible needs --conformance"),
         (made.destructive and not made.conformance, "--destructive needs --conformance"),
-        *((option not in about, f"--{option} needs --conformance{REPORTS.get(option, '')}") for option in of_made),
+        *((option not in about, f"--{option} needs --conformance") for option in of_made),
     )
     for is_wrong, why in refused:
         if is_wrong:
@@ -333,26 +347,27 @@ class Checks:
             print(f"dialect {dialect}, {how}; --dialect names another one", flush=True)
         return replace(self, devices=replace(self.devices, dialect=dialect))
 
-    def complain_of_strangers(self) -> None:
-        """Report each device that is not its file's, or is missing while others answer."""
-        from eurobot_od.client.description import read_numbers, scan
-        from eurobot_od.client.master import Master
-        from eurobot_od.library.library import identity_of
+    def identified(self, suites: Sequence[Suite], report: CheckReport) -> list[CheckedDevice]:
+        """Return the devices under test; on a bus, for generated suites and files, with the identity that they show.
 
-        if not self.is_made:
-            return
-        known = {each.node_id: each for each in self.devices.load()}
-        describe, silent = self.devices.describer(()), False
+        Report each that is not its file's, or is missing while others answer. Raises BusError.
+        """
+        under_test = (each.dictionaries[name] for each in suites for name in each.nodes)
+        devices = {(each.node_id, each.file): each for each in under_test}.values()
+        if self.simulate or not (self.is_made or report.files):
+            return [*map(CheckedDevice, devices)]
+        from eurobot_od.check.runs import identified
+        from eurobot_od.client.description import scan
+        from eurobot_od.client.master import Master
+
         with Master(self.bus.open()) as master:
-            for node_id, each in known.items():
-                master.follow(each)
-                try:
-                    numbers = read_numbers(master.node(node_id))
-                    describe.check(node_id, identity_of(numbers), each, numbers.get(DEVICE_TYPE))
-                except RemoteError:
-                    silent = True
-            if silent and (absent := absence(known, (each.node_id for each in scan(master)))):
-                complain(absent)
+            found = identified(master, devices)
+            is_silent = any(each.shown is None for each in found)
+            there = [each.node_id for each in scan(master)] if is_silent else []
+        absent = absence((each.node_id for each in devices), there)
+        for doubt in filter(None, [absent, *(each.doubt for each in found if each.shown)]):
+            complain(doubt)
+        return found
 
     def _identity(self, dictionaries: Iterable[Dictionary]) -> Identity | None:
         """Return the identity of the first node that answers, None if none does."""

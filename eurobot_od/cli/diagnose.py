@@ -51,7 +51,7 @@ def diagnose(
     reading: Reading,
     duration: Annotated[Seconds, Option("--for")] = inf,
     as_json: Json = False,
-    report: Annotated[Path | None, Option(metavar="FILE")] = None,
+    report: Annotated[Path | None, Option(metavar="FILE", is_output=True)] = None,
     fail_on: Annotated[str, Option(choices=WORDS)] = "warning",
     ask: bool = False,
     no_reconnect: NoReconnect = False,

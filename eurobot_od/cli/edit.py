@@ -18,7 +18,7 @@ def edit(
     verb: Annotated[Verb, Option(choices=VERBS)],
     words: Annotated[Sequence[str], Option(metavar="WORD")] = (),
     *,
-    output: Annotated[Path | None, Option("-o", metavar="FILE")] = None,
+    output: Annotated[Path | None, Option("-o", metavar="FILE", is_output=True)] = None,
     dry_run: bool = False,
 ) -> ExitStatus:
     """Change an EDS or DCF: comments, order, line ends and every other line stay as they are.

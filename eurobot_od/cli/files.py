@@ -99,7 +99,7 @@ def wireshark(*, output: Output = None, name: Name = None, devices: Devices) -> 
 def mcap(
     log: Log,
     *,
-    output: Annotated[Path, Option("-o", metavar="FILE")],
+    output: Annotated[Path, Option("-o", metavar="FILE", is_output=True)],
     reading: Reading,
     devices: Devices,
     names: FrameNames,

@@ -92,7 +92,7 @@ def lint(
     device: OneDevice,
     stack: Annotated[Literal["canopennode"] | None, Option("--for")] = None,
     fix: bool = False,
-    output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True)] = None,
+    output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True, is_output=True)] = None,
     explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
     robot_name: RobotName = None,
 ) -> ExitStatus:

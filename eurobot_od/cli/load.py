@@ -40,7 +40,7 @@ def load(
     errors: Annotated[ErrorRate | None, Option(metavar="N/TIME", read=_errors)] = None,
     mailboxes: Annotated[int | None, Option(metavar="N", read=whole(0, what="a number of mailboxes"))] = None,
     as_json: Json = False,
-    svg: Annotated[Path | None, Option(metavar="FILE")] = None,
+    svg: Annotated[Path | None, Option(metavar="FILE", is_output=True)] = None,
     dialect: Dialect = None,
     robot_name: RobotName = None,
 ) -> ExitStatus:

@@ -56,7 +56,7 @@ def monitor(
     plain: bool = False,
     statistics: bool = False,
     ask: bool = False,
-    log: Annotated[Path | None, Option(metavar="FILE")] = None,
+    log: Annotated[Path | None, Option(metavar="FILE", is_output=True)] = None,
     duration: Annotated[Seconds, Option("--for")] = inf,
     no_reconnect: NoReconnect = False,
     devices: Devices,

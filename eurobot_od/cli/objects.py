@@ -124,7 +124,7 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
 def dump(
     target: Target,
     *,
-    output: Annotated[Path | None, Option("-o", metavar="FILE", either="form")] = None,
+    output: Annotated[Path | None, Option("-o", metavar="FILE", either="form", is_output=True)] = None,
     as_json: Annotated[Json, Option(either="form")] = False,
 ) -> ExitStatus:
     """Print all readable objects of a CANopen node with their values, or write the node's DCF.

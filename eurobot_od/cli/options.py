@@ -107,7 +107,7 @@ BIT_RATE = 500_000
 Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=bit_rate)]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
-Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]
+Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE", is_output=True), "default: standard output"]
 NoReconnect: TypeAlias = Annotated[bool, "end when the bus is lost, instead of opening it again"]
 Faults: TypeAlias = Annotated[
     Sequence[str], Option(metavar="[NODE.]NAME", suggest=lambda plugins: plugins.fault_names())

@@ -41,7 +41,7 @@ def query(
     report: Annotated[str | None, Option(metavar="NAME", suggest=reports)] = None,
     as_json: Annotated[Json, Option(either="form")] = False,
     as_csv: Annotated[bool, Option("--csv", either="form")] = False,
-    plot: Annotated[Path | None, Option(metavar="FILE")] = None,
+    plot: Annotated[Path | None, Option(metavar="FILE", is_output=True)] = None,
     at_most: Seconds = inf,
     bitrate: BitRate = BIT_RATE,
     robot_name: RobotName = None,

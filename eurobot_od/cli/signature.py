@@ -48,7 +48,8 @@ class Option(NamedTuple):
     `flag` is a short form, `-o`, or a long one instead of the parameter's name, `--for`. `read` parses a word, or
     raises LocalError. `choices` are the allowed words; with a mapping, the function gets the word's value. `bare` is
     the value of an option without one; `nargs` is argparse's. Options with the same `either` exclude each other. A
-    shell suggests what `suggest` returns for the plug-ins, or files if `is_file`.
+    shell suggests what `suggest` returns for the plug-ins, or files if `is_file`. With `is_output` the file is written,
+    and may be none of those that are read.
     """
 
     flag: str = ""
@@ -60,6 +61,7 @@ class Option(NamedTuple):
     either: str = ""
     suggest: Callable[[Plugins], Iterable[str]] | None = None
     is_file: bool = False
+    is_output: bool = False
 
     def __or__(self, other: Option) -> Option:
         """Return both merged; the other one takes precedence."""
@@ -366,16 +368,21 @@ def describe(parser: Parser, command: Command) -> Call:
 
 
 def keep_inputs(described: Mapping[str, Option], given: Namespace) -> None:
-    """Check that -o does not name a file that is read; raises LocalError."""
-    outputs = [name for name, option in described.items() if option.flag == "-o"]
-    for output in (str(found) for name in outputs if (found := getattr(given, name, None)) is not None):
-        for name in (name for name, option in described.items() if option.is_file and name not in outputs):
-            found = getattr(given, name, None) or ()
-            several = [found] if isinstance(found, (str, Path)) else found
-            for word in several:
-                read = str(word).rpartition("=")[2]  # `5=drive.eds`
+    """Check that no output option names a file that is read; raises LocalError."""
+    inputs = [name for name, option in described.items() if option.is_file and not option.is_output]
+    words = [word for name in inputs for word in _several(getattr(given, name, None))]
+    for name, option in described.items():
+        for output in _several(getattr(given, name, None)) if option.is_output else ():
+            for read in (each.rpartition("=")[2] for each in words):  # `5=drive.eds`
                 if os.path.isfile(output) and os.path.exists(read) and os.path.samefile(output, read):  # noqa: PTH110, PTH113, PTH121
-                    raise LocalError(f"-o {output} is the file that is read: name another one")
+                    raise LocalError(f"{option.flag or name} {output} is a file that is read: name another one")
+
+
+def _several(given: object) -> list[str]:
+    """Return the words of an option that was given once, several times or not at all."""
+    if given is None:
+        return []
+    return [str(each) for each in given] if isinstance(given, Sequence) and not isinstance(given, str) else [str(given)]
 
 
 def ahead(parser: Parser, function: Callable[..., Any]) -> Any:

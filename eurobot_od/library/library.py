@@ -23,7 +23,7 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, completed, read
-from eurobot_od.od.identity import Identity, contradiction, misfit
+from eurobot_od.od.identity import Identity, contradiction, misfit, stranger
 from eurobot_od.od.network import NodeFile
 from eurobot_od.od.values import Address
 from eurobot_od.support.files import UNREADABLE
@@ -316,9 +316,8 @@ class LibraryDevices:
 
     def check(self, node_id: int, identity: Identity, known: Dictionary | None, device_type: int | None = None) -> None:
         """Call `tell` if a node's file is for another device than observed."""
-        different = known and misfit(known, identity, device_type)
-        if known and different:
-            self._tell_once(node_id, f"{known.file} is for another device: node {node_id} has {different}")
+        if known and (other := stranger(known, node_id, identity, device_type)):
+            self._tell_once(node_id, other)
 
     def _described(self, node_id: int, identity: Identity, numbers: Numbers) -> Dictionary | None:
         fit = self._library.find(identity, numbers.get(standard.DEVICE_TYPE))

@@ -83,6 +83,12 @@ def misfit(dictionary: Dictionary, identity: Identity, device_type: int | None =
     return found or ""
 
 
+def stranger(dictionary: Dictionary, node_id: int, identity: Identity, device_type: int | None = None) -> str:
+    """Return that a node is not the device of a file, and in what; empty if it is. See `misfit`."""
+    different = misfit(dictionary, identity, device_type)
+    return different and f"{dictionary.file} is for another device: node {node_id} has {different}"
+
+
 def absence(expected: Iterable[int], heard: Iterable[int]) -> str:
     """Return which nodes are not on a bus although their files are named, and which other ones are.
 

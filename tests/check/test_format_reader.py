@@ -75,6 +75,15 @@ WRONG_STEPS = {
     # services
     "unknown state": ("- heartbeat: ^awake", "unknown NMT state 'awake'; known: boot-up"),
     "unknown command": ("- nmt: ^restart", "unknown NMT command 'restart'"),
+    "state for a command": ("- nmt: ^operational", "'operational' is a state; the NMT command is start"),
+    "abort code without a digit": (
+        "- sdo: {read: 0x5000, abort: ^0x0602000}",
+        "'0x0602000' is not an abort code of 8 hexadecimal digits; did you mean 0x06020000",
+    ),
+    "abort code of several": ("- sdo: {read: 0x5000, abort: [0x06020000, ^0x6]}", "'0x6' is not an abort code of 8"),
+    "empty range": ("- expect: {Move State Response: {time: ^25..15}}", "'25..15' has no value: the smaller number"),
+    "empty range of an object": ("- sdo: {read: 0x1017, expect: ^25..15}", "'25..15' has no value: the smaller number"),
+    "range of names": ("- expect: {Place Response: {source: ^encoder..laser}}", "'encoder..laser' is not a range of"),
     "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: panel, lift, scale"),
     "error code": ("- emcy: ^0x10000", "error code = '0x10000' is not allowed; allowed: whole numbers 0..65535"),
     "unknown object": (
@@ -124,19 +133,20 @@ WRONG_DOCUMENTS = {
     "tab": ("spec: 1\nsteps:\n^\t- wait: 1 s\n", "a tab; YAML is indented by spaces"),
     "no YAML": ("spec: [1\nname^: x\n", "a list in [ ] lacks a comma, or its ]"),
     "nested deeply": ("^" + "[" * 1000, "the file is nested too deeply"),
-    "alias": ("spec: 1\nname: ^&a x\ntags: [*a]\nsteps: []\n", "an alias refers to this; write it out"),
+    "alias": ("spec: 1\nname: ^&a x\ntags: [*a]\nsteps: [skip: x]\n", "an alias refers to this; write it out"),
     "alias of itself": ("spec: 1\nname: x\nsteps: ^&a [*a]\n", "an alias refers to this; write it out"),
-    "version": (HEAD.replace("1", "^2") + "steps: []\n", "unknown version '2'; known: 1"),
+    "version": (HEAD.replace("1", "^2") + "steps: [skip: x]\n", "unknown version '2'; known: 1"),
     "no steps": ("^" + HEAD, "key 'steps' is missing: the steps"),
-    "no version": ("^name: x\nsteps: []\n", "key 'spec' is missing: version of the format, `spec: 1`"),
+    "no version": ("^name: x\nsteps: [skip: x]\n", "key 'spec' is missing: version of the format, `spec: 1`"),
     "an expectation without quotes": (
         HEAD + "steps:\n  - expect: {Move State Response: {time: ^> 0}}\n",
         "a text with > or | at its start needs quotes: '> 0'",
     ),
-    "unknown key": (HEAD + "^step: []\nsteps: []\n", "unknown key 'step'; did you mean steps?"),
-    "truth for a name": (HEAD.replace("a suite", "^off") + "steps: []\n", "expected a text, found 'off'"),
-    "unknown node": (HEAD.replace("lift", "^wheels") + "steps: []\n", "unknown node 'wheels'"),
-    "unknown dialect": (HEAD + "dialect: ^latin\nsteps: []\n", "unknown dialect 'latin'"),
+    "empty steps": (HEAD + "steps: ^[]\n", "expected at least one entry"),
+    "unknown key": (HEAD + "^step: []\nsteps: [skip: x]\n", "unknown key 'step'; did you mean steps?"),
+    "truth for a name": (HEAD.replace("a suite", "^off") + "steps: [skip: x]\n", "expected a text, found 'off'"),
+    "unknown node": (HEAD.replace("lift", "^wheels") + "steps: [skip: x]\n", "unknown node 'wheels'"),
+    "unknown dialect": (HEAD + "dialect: ^latin\nsteps: [skip: x]\n", "unknown dialect 'latin'"),
     "steps no list": (HEAD + "steps: ^5\n", "expected a list, found '5'"),
     "constant not allowed": (
         HEAD + "variables: {v: 500}\nsteps:\n  - expect: {Move To: {speed: ^'{v}'}}\n",
@@ -304,7 +314,7 @@ def known(text: str) -> set[str]:
 
 def keys_of_the_format() -> set[str]:
     """All keys of suites and steps, as the reader names them."""
-    keys = known(HEAD + "steps: []\nzzz: 1\n")
+    keys = known(HEAD + "steps: [skip: x]\nzzz: 1\n")
     return keys | known(document("- zzz: 1")) | known(document("- {expect: Move Confirm, zzz: 1}"))
 
 

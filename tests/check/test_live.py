@@ -180,3 +180,39 @@ def test_an_interrupt_ends_a_simulated_suite_too() -> None:
     result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), plant.PLUGINS.under_test)
     assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
     assert result.count(Status.PASSED) < 10
+
+
+SENT = document("- send: Halt Lift\n- never: Move Confirm\n  for: 10 ms", HEAD + "timeout: 100 ms\n")
+
+
+def test_a_suite_that_only_sends_is_red_without_the_device(open_bus: Callable[[], can.BusABC]) -> None:
+    *others, heard = run(SENT, open_bus).steps
+    assert [each.status for each in others] == [Status.PASSED, Status.PASSED]
+    assert (heard.name, heard.status) == ("the node under test is on the bus", Status.FAILED)
+    assert heard.reason is not None
+    assert heard.reason.what.startswith("no frame of lift since the suite began, and no answer to an SDO request")
+
+
+@pytest.mark.usefixtures("lift")
+def test_a_suite_that_only_sends_is_green_with_a_device_that_says_nothing(open_bus: Callable[[], can.BusABC]) -> None:
+    assert [each.status for each in run(SENT, open_bus).steps] == [Status.PASSED, Status.PASSED]
+
+
+@pytest.mark.usefixtures("lift")
+def test_a_red_step_names_another_client_of_the_node(open_bus: Callable[[], can.BusABC]) -> None:
+    wrong = document("- {name: begun, wait: 1 ms}\n- sdo: {read: 0x1017, expect: 7}")
+    with open_bus() as other:
+
+        def ask(step: StepResult) -> None:
+            if step.name == "begun":
+                data = bytes.fromhex("40 17 10 00 00 00 00 00")
+                other.send(can.Message(arbitration_id=0x602, data=data, is_extended_id=False))
+
+        alone = run(wrong, open_bus)
+        disturbed = run_live(suite(wrong), RunOptions(show=ask), open_bus)
+    said = "another client speaks to lift (1 frame since the suite began, the last one 602#4017100000000000)"
+    assert alone.remarks == ()
+    assert [each.partition(":")[0] for each in disturbed.remarks] == [said]
+    reason = disturbed.steps[1].reason
+    assert reason is not None
+    assert reason.meanwhile.startswith(said)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from eurobot_od.check import report
-from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.report import Line, RunFacts, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Mismatch
 from eurobot_od.frame import Frame
 from eurobot_od.support.yaml_places import Place
@@ -79,7 +80,7 @@ def test_a_reason_has_all_facts_and_the_last_frames() -> None:
 @pytest.mark.parametrize(
     ("results", "line"),
     [
-        ([], "0 suites: no steps in 0.0 s of bus time"),
+        ([], "0 suites: no steps in 0.0 s of bus time; NOTHING WAS CHECKED"),
         ([RED], "1 suite: 1 ok, 1 FAILED, 1 skipped, 1 interrupted in 1.5 s of bus time"),
         (ALL, "3 suites: 1 ok, 1 FAILED, 1 skipped, 1 interrupted, 1 bus failed in 1.5 s of bus time"),
     ],
@@ -102,6 +103,26 @@ def test_junitparser_reads_the_junit_report() -> None:
     assert [type(each) for case in (failed, skipped, interrupted) for each in case.result] == [Failure, Skipped, Error]
     assert failed.result[0].message == REASON.what
     assert "came 5 ms" in str(failed.result[0].text)
+
+
+def test_the_junit_report_has_the_run_and_its_devices() -> None:
+    facts = RunFacts("the program", "2026-11-29T12:00:00+00:00", "can0")
+    lost = SuiteResult(Path("x"), "x", "", error="lost")
+    text = report.junit([RED, lost], facts)
+    red, broken = JUnitXml.fromstring(text.encode())
+    assert red.timestamp == facts.began
+    properties = {each.get("name"): each.get("value") for each in ElementTree.fromstring(text)[0].iter("property")}
+    assert properties == {"program": "the program", "bus": "can0", "run": "simulated"}
+    assert (broken.tests, broken.errors) == (1, 1), "a suite without a step has one case, with what stopped it"
+
+
+@pytest.mark.parametrize(
+    ("statuses", "expected"),
+    [((), True), ((Status.SKIPPED,), True), ((Status.SKIPPED, Status.PASSED), False), ((Status.INTERRUPTED,), False)],
+)
+def test_a_run_of_skipped_steps_has_checked_nothing(statuses: tuple[Status, ...], expected: bool) -> None:
+    result = SuiteResult(Path("a.yaml"), "a", "simulated", tuple(step("", each) for each in statuses))
+    assert report.checked_nothing([result]) is expected
 
 
 def test_green_and_skipped_steps_are_counted() -> None:

@@ -14,6 +14,9 @@ import pytest
 from junitparser import JUnitXml
 
 from eurobot_od import cli
+from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.od.dictionary import Dictionary
 from tests.check.suites import HEAD, document
 from tests.cli.console import run
 from tests.client.servo import DOCS
@@ -53,10 +56,15 @@ CALLS = {
     # faults
     "with a fault": ("green.yaml --simulate --fault check-lift-response-not-sent", 1, "1 suite: 1 ok, 1 FAILED in"),
     # dialects
-    "of another dialect": ("foreign.yaml --simulate --dialect plain", 0, "1 suite: no steps in 0.0 s of bus time"),
+    "of another dialect": (
+        "foreign.yaml --simulate --dialect plain",
+        1,
+        "1 suite: no steps in 0.0 s of bus time; NOT",
+    ),
     "of its dialect": ("foreign.yaml --simulate --dialect packed", 0, "1 suite: 1 ok in"),
     "of its own dialect": ("foreign.yaml --simulate", 0, "1 suite: 1 ok in"),
     # on a bus where nobody is
+    "only sent where nobody is": ("foreign.yaml -i virtual -c nobody", 1, "1 suite: 1 ok, 1 FAILED in "),
     "nobody there": ("green.yaml -i virtual -c nobody", 1, "1 suite: 1 ok, 1 FAILED in "),
 }
 
@@ -72,11 +80,7 @@ def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[
 REFUSALS = {
     "conformance of a suite": ("green.yaml --conformance --simulate", 2, "eurobot-od: --conformance makes its suites"),
     "destructive suite": ("green.yaml --destructive --simulate", 2, "eurobot-od: --destructive needs --conformance"),
-    "report of a suite": (
-        "green.yaml --report x.html",
-        2,
-        "eurobot-od: --report needs --conformance; --junit FILE reports any suite",
-    ),
+    "tests of CiA's tool for a suite": ("green.yaml --ctt", 2, "eurobot-od: --ctt needs --conformance"),
     "odd form of a report": ("--conformance --report x.txt", 2, "eurobot-od: unknown document format '.txt'"),
     "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
@@ -156,6 +160,44 @@ def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str])
     run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--junit", "report.xml")
     suites = list(JUnitXml.fromfile(str(folder / "report.xml")))
     assert [(suite.name, suite.tests, suite.failures) for suite in suites] == [("a suite", 2, 0), ("red", 2, 1)]
+
+
+def test_a_suite_has_a_page_with_its_facts_and_all_steps(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--report", "report.md")
+    text = (folder / "report.md").read_text()
+    lines = ["# Check of lift", "2 suites: 2 ok, 1 FAILED, 1 skipped in ", "| Bus | simulated |", "| Made by | "]
+    tables = ["## Who is who", "| a suite | 2 | 0 | 0 |", "| red | 0 | 1 | 1 |", "### expect Move Confirm"]
+    steps = ["### a suite (green.yaml, simulated, seed 1)", "| 7 | expect Check Lift Response | ok |"]
+    assert [each for each in lines + tables + steps if each not in text] == []
+
+
+@pytest.mark.usefixtures("folder")
+def test_reports_have_the_identity_that_the_device_has_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    other = re.sub(r"(?ms)^(\[1018sub2\].*?DefaultValue=)\S*", r"\g<1>7", (DOCS / "motor.eds").read_text())
+    Path("other.eds").write_text(other)
+    Path("own.yaml").write_text("spec: 1\nname: own\nnode: motor\nsteps:\n  - sdo: {read: 0x1000}\n")
+    with open_bus("virtual", "shown") as bus, Live.node(bus, SimulatedDevice(Dictionary.load(Path("other.eds"), 5))):
+        words = f"own.yaml --eds 5={DOCS / 'motor.eds'} -i virtual -c shown --report own.md --junit own.xml"
+        said = run(capsys, "check", *words.split())
+    assert said.complaint.endswith("motor.eds is for another device: node 5 has product code 0x7, not 0x5")
+    for file in ("own.md", "own.xml"):
+        text = Path(file).read_text()
+        assert "0x00000000:0x00000007:0x00010000:0x00000001" in text
+        assert "motor.eds is for another device: node 5 has product code 0x7, not 0x5" in text
+
+
+@pytest.mark.parametrize(
+    "words", ["nothing.yaml --simulate", "green.yaml -i socketcan -c nothere"], ids=["wrong file", "no bus"]
+)
+def test_a_run_without_results_leaves_no_earlier_report(
+    words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("report.xml", "report.md"):
+        (folder / name).write_text("yesterday's")
+    assert run(capsys, "check", *words.split(), "--junit", "report.xml", "--report", "report.md").status in (2, 3)
+    (suite,) = JUnitXml.fromfile(str(folder / "report.xml"))
+    assert (suite.tests, suite.errors) == (1, 1)
+    assert "it has begun, and has no results" in (folder / "report.md").read_text()
 
 
 @pytest.mark.usefixtures("folder")

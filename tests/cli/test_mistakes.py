@@ -27,7 +27,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 # The command line: words, exit status, and the one line that is printed
 
-READ = "-o lift.eds is the file that is read: name another one"
+READ = "-o lift.eds is a file that is read: name another one"
 
 MISTAKES = {
     "a command with a slip": (
@@ -100,18 +100,24 @@ MISTAKES = {
     "the input as the output": (
         "export|xdd|lift.eds|-o|lift.eds",
         2,
-        "-o lift.eds is the file that is read: name another one",
+        "-o lift.eds is a file that is read: name another one",
     ),
     "... of an option": (
         "export|docs|--eds|5=lift.eds|-o|./lift.eds",
         2,
-        "-o lift.eds is the file that is read: name another one",
+        "-o lift.eds is a file that is read: name another one",
     ),
     "... of a repair": (
         "lint|--fix|lift.eds|-o|lift.eds",
         2,
-        "-o lift.eds is the file that is read: name another one",
+        "-o lift.eds is a file that is read: name another one",
     ),
+    "... of a report": (
+        "check|--conformance|--eds|5=lift.eds|--simulate|--junit|lift.eds",
+        2,
+        "--junit lift.eds is a file that is read: name another one",
+    ),
+    "... of a log": ("monitor|lift.eds|--log|lift.eds", 2, "--log lift.eds is a file that is read: name another one"),
     "lint of what is not an EDS": ("lint|picture.png", 2, "picture.png: not an EDS: it has no section of one"),
     "a rule with a slip": ("lint|--select|E3008|lift.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
     "a file with a slip": ("show|--eds|5=lif.eds", 2, "lif.eds: No such file or directory; did you mean lift.eds?"),
@@ -313,18 +319,18 @@ def test_a_command_without_a_bus_names_the_option(words: list[str], capsys: pyte
 # YAML: a suite's text, and all that is printed; steps stand below HEAD, from line 5 on
 
 TEXTS = {
-    "no version": ("name: a\nsteps: []\n", ["1:1: key 'spec' is missing: version of the format, `spec: 1`"]),
-    "another version": ("spec: 2\nname: a\nsteps: []\n", ["1:7: unknown version '2'; known: 1"]),
+    "no version": ("name: a\nsteps: [skip: x]\n", ["1:1: key 'spec' is missing: version of the format, `spec: 1`"]),
+    "another version": ("spec: 2\nname: a\nsteps: [skip: x]\n", ["1:7: unknown version '2'; known: 1"]),
     "a key with a slip": (
         "spec: 1\nname: a\nstep: []\n",
         ["1:1: key 'steps' is missing: the steps", "3:1: unknown key 'step'; did you mean steps?"],
     ),
     "a node with a slip": (
-        "spec: 1\nname: a\nnode: lft\nsteps: []\n",
+        "spec: 1\nname: a\nnode: lft\nsteps: [skip: x]\n",
         ["3:7: unknown node 'lft'; did you mean lift?"],
     ),
     "a colon in a text": (
-        "spec: 1\nname: the lift: stops\nsteps: []\n",
+        "spec: 1\nname: the lift: stops\nsteps: [skip: x]\n",
         ["2:15: a ': ' in a text needs quotes; or this line is indented wrongly"],
     ),
     "nothing": ("", ["1:1: the file is empty"]),

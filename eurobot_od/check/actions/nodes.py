@@ -16,7 +16,7 @@ from eurobot_od.check.suite import Group, Mismatch, NodeServices, Reported
 from eurobot_od.check.tester import BenchTester, Failed, Gone, Skipped
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import NoAnswer
+from eurobot_od.errors import LocalError, NoAnswer, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
@@ -36,7 +36,7 @@ from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support import texts, yaml_shapes
 from eurobot_od.support.texts import amount
-from eurobot_od.support.yaml_shapes import TEXT, Key
+from eurobot_od.support.yaml_shapes import SCALAR, TEXT, Key, converted
 
 BOOTED = bytes([NmtState.INITIALISING])
 """Data of a boot-up message (CiA 301, 7.3.2.2.2)."""
@@ -240,7 +240,17 @@ async def follows_from_own_error(tester: BenchTester, action: object) -> bool:
         return isinstance(error, NoAnswer)  # it has stayed in STOPPED
 
 
-NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
+NMT_COMMANDS = {name: NmtCommand(command) for command, name in COMMAND_NAMES.items()}
+
+LEADS_TO = {"operational": "start", "stopped": "stop"}
+"""NMT commands by the state that they lead to, where the names differ."""
+
+
+def _command(text: str) -> NmtCommand:
+    """Parse the name of an NMT command; raises LocalError."""
+    if text in LEADS_TO:
+        raise LocalError(f"{text!r} is a state; the NMT command is {LEADS_TO[text]}")
+    return look_up("NMT command", text, NMT_COMMANDS)
 
 
 class Nmt(NamedTuple):
@@ -261,7 +271,7 @@ class Nmt(NamedTuple):
     @staticmethod
     def row(shapes: DocumentShapes) -> ActionRow:
         """Return the row for the table of actions."""
-        command = Key(yaml_shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
+        command = Key(converted(SCALAR, _command), "NMT command", needed=True)
 
         def make(command: NmtCommand, given: Dictionary | None) -> Nmt:
             # Other services need a node; NMT has the node-ID 0 for all of them (CiA 301, 7.2.8.2.1).

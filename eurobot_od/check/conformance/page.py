@@ -1,27 +1,24 @@
 """The report of a run, for a device's manufacturer, and the result of each test of CiA's own tool (CTT).
 
-`DeviceRun` has all facts of the report: the run, the score by chapter, and each red step with its frames; the formats
-(Markdown, HTML) only write them. The tests have the numbers of CiA's conformance test tool, and our words. A test that
-cannot be done is skipped with the reason; it counts as executed only if a step of ours has passed or failed.
+The tests have the numbers of CiA's conformance test tool, and our words. A test that cannot be done is skipped with the
+reason; it counts as executed only if a step of ours has passed or failed.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
-from eurobot_od.check import report
+from eurobot_od.check import page, report
 from eurobot_od.check.conformance.clauses import StepName, Tier
-from eurobot_od.check.report import Status, StepReason, StepResult, SuiteResult
+from eurobot_od.check.report import CheckedDevice, RunFacts, Status, SuiteResult
 from eurobot_od.export import forms
-from eurobot_od.export.forms import DocBlock, DocHeading, DocTable, Paragraph, Preformatted
+from eurobot_od.export.forms import DocBlock, DocHeading, DocTable, Paragraph
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.identity import Identity
 
 # CiA's conformance test tool
 
@@ -184,8 +181,13 @@ class CttResult(NamedTuple):
         return ASKS[self.number]
 
 
-def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
-    """Return the result of each test; `file_errors` are lint's errors in the device's file."""
+def results_of(
+    results: Iterable[SuiteResult], file_errors: Sequence[str], beyond: Mapping[str, str] = MappingProxyType({})
+) -> list[CttResult]:
+    """Return the result of each test.
+
+    `file_errors` are lint's errors in the device's file; `beyond` has the reasons for tests that an option would run.
+    """
     # By test: its groups, each with the first reason for each status. A group counts only if all of it was done.
     asked: dict[str, dict[object, dict[Status, str]]] = {number: {} for number in ASKS}
     asked[LINT][LINT] = {Status.FAILED: file_errors[0]} if file_errors else {Status.PASSED: ""}
@@ -195,16 +197,17 @@ def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> li
         why = step.reason.what if step.reason and verdict is Status.SKIPPED else step.name
         for number in asked.keys() & (name.numbers if name else ()):  # edited suites may have other names
             asked[number].setdefault(name and name[:3], {}).setdefault(verdict, why)
-    return [_judged(number, groups.values()) for number, groups in asked.items()]
+    unasked = {number: beyond.get(number, NOT_ASKED) for number in ASKS} | NEVER_ASKED
+    return [_judged(number, groups.values(), unasked[number]) for number, groups in asked.items()]
 
 
-def _judged(number: str, groups: Iterable[Mapping[Status, str]]) -> CttResult:
-    """Return the result of a test from the statuses of its groups."""
+def _judged(number: str, groups: Iterable[Mapping[Status, str]], unasked: str) -> CttResult:
+    """Return the result of a test from the statuses of its groups; `unasked` is the reason if there are none."""
     worst = ((each, next(verdict for verdict in WORST_FIRST if verdict in each)) for each in groups)
     found = {verdict: each[verdict] for each, verdict in worst}
     verdict = next((each for each in RED_OR_GREEN_FIRST if each in found), None)
     if verdict is None:
-        return CttResult(number, Status.SKIPPED, NEVER_ASKED.get(number, NOT_ASKED))
+        return CttResult(number, Status.SKIPPED, unasked)
     return CttResult(number, verdict, "" if verdict is Status.PASSED else found[verdict])
 
 
@@ -226,40 +229,33 @@ def lines(tests: Sequence[CttResult]) -> Iterator[str]:
 
 
 class DeviceRun(NamedTuple):
-    """A run: the device, the tier of the steps, the results, and by which program and when they were `made`."""
+    """A run: the device, the tier of the steps, the results, and what is known of the run.
 
-    dictionary: Dictionary
+    `beyond` has the reason for each test that steps of a higher tier would do.
+    """
+
+    device: CheckedDevice
     tier: Tier
     results: Sequence[SuiteResult]
-    made: str = ""
+    run: RunFacts = report.UNTOLD
+    beyond: Mapping[str, str] = MappingProxyType({})
 
     @property
     def facts(self) -> list[tuple[str, str]]:
         """The facts at the top of the report, with their headings."""
-        device = self.dictionary
-        document = self.dictionary.device.document
+        document = self.device.dictionary.device.document
         said = [(what.capitalize(), document.text("deviceinfo", key)) for what, key in forms.INFORMATION]
-        run = next((each.how for each in self.results), "not run")
-        identity = ("Identity in the file (0x1018)", str(Identity.of(device)))
-        facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), identity, *said]
-        return [each for each in [*facts, ("Tier", self.tier.value), ("Run", run), ("Made by", self.made)] if each[1]]
-
-    @property
-    def red(self) -> list[StepResult]:
-        """The steps that failed."""
-        return [step for result in self.results for step in result.steps if step.status is Status.FAILED]
-
-    @property
-    def skipped(self) -> Counter[str]:
-        """The reasons for skipped steps, with the number of steps."""
-        skipped = (step for result in self.results for step in result.steps if step.status is Status.SKIPPED)
-        return Counter(step.reason.what if step.reason else "a step before it is red" for step in skipped)
+        how = next((each.how for each in self.results), "not run")
+        facts = [*self.device.facts, *said, ("Tier", self.tier.value), ("Run", how), *self.run.rows]
+        return [each for each in facts if each[1]]
 
     @property
     def tests(self) -> list[CttResult]:
         """The results by test of CiA's tool; `lint` checks the file."""
-        found = lint(self.dictionary.content, self.dictionary.file.name)
-        return results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
+        dictionary = self.device.dictionary
+        found = lint(dictionary.content, dictionary.file.name)
+        errors = [str(each) for each in found if each.severity is Severity.ERROR]
+        return results_of(self.results, errors, self.beyond)
 
 
 def text(file: Path, reports: Sequence[DeviceRun]) -> str:
@@ -267,66 +263,16 @@ def text(file: Path, reports: Sequence[DeviceRun]) -> str:
     return forms.FORMS[forms.form_of(file)]([block for each in reports for block in blocks(each)])
 
 
-# Blocks of the report
-
-
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Yield the report of a device."""
-    yield DocHeading(1, f"Conformance of {run.dictionary.name}")
-    for notes in (report.changed, report.remarks, report.slowest, report.not_run):
-        yield from map(Paragraph, notes(run.results))
-    yield Paragraph(f"{report.summary(run.results)}.")
-    yield DocTable(("", ""), run.facts)
+    yield DocHeading(1, f"Conformance of {run.device.dictionary.name}")
+    yield from page.opening(run.results, run.facts, [run.device.doubt] if run.device.doubt else [])
     yield DocHeading(2, "Score by chapter")
-    words = [each.value for each in Status if each in WORST_FIRST]
-    scores = [(r.name.removeprefix("CiA 301, "), *(str(r.count(Status(each))) for each in words)) for r in run.results]
-    yield DocTable(("Chapter", *words), scores, words)
-    yield DocHeading(2, "What failed")
-    yield from _all_red(run)
+    yield page.suites_table("Chapter", run.results)
+    yield from page.failed(run.results)
     yield DocHeading(2, "By the numbers of CiA's test tool")
     tests = run.tests
     yield Paragraph(f"{score(tests)}. This is not a run of that tool, and not a certificate.")
     rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
     yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
-    yield DocHeading(2, "What was skipped")
-    yield DocTable(("Why", "Steps"), [(why, str(count)) for why, count in run.skipped.items()], ("Steps",))
-
-
-def _all_red(run: DeviceRun) -> Iterator[DocBlock]:
-    for result in run.results:
-        if result.error:
-            yield Paragraph(f"{result.name} ended before its time: {result.error}")
-    if not run.red:
-        yield Paragraph("Nothing.")
-    for _, together in groupby(run.red, _belongs_to):
-        first, *others = together
-        yield from _red(first)
-        if others:
-            yield DocTable(("also failed there", "expected", "came"), list(map(_also_red, others)))
-
-
-def _belongs_to(step: StepResult) -> tuple[str, ...]:
-    """Return what red steps with a common cause share: their group, otherwise their clause."""
-    name = StepName.of(step.name)
-    if name is None:
-        return (step.name,)
-    return name.clause, name.topic, name.tier, name.what if name.inside else ""
-
-
-def _also_red(step: StepResult) -> tuple[str, str, str]:
-    name = StepName.of(step.name)
-    reason = step.reason or StepReason("red")
-    return (name.inside or name.what if name else step.name), reason.expected or reason.what, reason.came
-
-
-def _red(step: StepResult) -> Iterator[DocBlock]:
-    name = StepName.of(step.name)
-    reason = step.reason or StepReason("red")
-    yield DocHeading(3, step.name if name is None else f"{name.topic}: {name.inside or name.what}")
-    rows = [("what", reason.what), *reason.facts]
-    if name is not None:
-        looked_at = name.what if name.inside else ""
-        rows = [("clause", f"CiA 301, {name.clause}"), ("CTT", name.ctt), ("looked at", looked_at), *rows]
-    yield DocTable(("", ""), [each for each in rows if each[1]])
-    if reason.frames:
-        yield Preformatted(list(report.frame_lines(reason)))
+    yield from page.skipped(run.results)

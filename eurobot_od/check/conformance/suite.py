@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.check.conformance import broadcasts, nmt, objects, pdo, profiles, sdo, step, storage
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, DeviceUnderTest, Tier, awake
+from eurobot_od.check.conformance import broadcasts, nmt, objects, page, pdo, profiles, sdo, step, storage
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, DeviceUnderTest, StepName, Tier, awake
 from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.step import Data, documents, hexadecimal, title
-from eurobot_od.check.report import AS_THEY_WERE, SuiteResult
+from eurobot_od.check.report import AS_THEY_WERE, ONLY_WITH, RunFacts, SuiteResult
 from eurobot_od.errors import LocalError
+from eurobot_od.export.forms import DocBlock
 from eurobot_od.od import cia401
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERRORS, VERIFY_CONFIGURATION
@@ -62,6 +63,15 @@ def _suite(device: DeviceUnderTest, chapter: Chapter[DeviceUnderTest]) -> Data:
     )
 
 
+def _numbers(steps: Iterable[Data], before: str = "") -> Iterator[str]:
+    """Yield the numbers of CiA's tool that steps ask, without those that are only skipped."""
+    for each in steps:
+        name = StepName.of(f"{before}{each['name']}")
+        if name is not None and "skip" not in each:
+            yield from name.numbers
+        yield from _numbers(each.get("steps", ()), f"{before}{each['name']}: ")
+
+
 class MadeSuites(NamedTuple):
     """Suites by CiA 301, or by a device `profile` (401, 402), up to a `tier`.
 
@@ -86,12 +96,30 @@ class MadeSuites(NamedTuple):
             make = partial(profiles.drive_text, reversible=is_reversible, motion=motion)
         return {file_of(each): make(each) for each in dictionaries}
 
-    def device_runs(
-        self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
-    ) -> list[DeviceRun]:
-        """Return the results by device; `made` says by which program and when."""
-        of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
-        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
+    def device_runs(self, results: Sequence[SuiteResult], run: RunFacts) -> list[DeviceRun]:
+        """Return the results by device."""
+        found = []
+        for each in run.devices:
+            own = [result for result in results if result.file == file_of(each.dictionary)]
+            found.append(DeviceRun(each, self.tier, own, run, self._beyond(each.dictionary, own)))
+        return found
+
+    def blocks(self, results: Sequence[SuiteResult], run: RunFacts) -> Iterator[DocBlock]:
+        """Yield the report of each device."""
+        for each in self.device_runs(results, run):
+            yield from page.blocks(each)
+
+    def _beyond(self, dictionary: Dictionary, results: Iterable[SuiteResult]) -> dict[str, str]:
+        """Return why no step asked the tests of CiA's tool that a higher tier asks, in the chapters that were run."""
+        names = {each.name for each in results}
+        chapters = [each for each in CHAPTERS if each.about in names]
+        reasons: dict[str, str] = {}
+        for tier in (Tier.DESTRUCTIVE, Tier.REVERSIBLE):  # the lower one last, as it is enough
+            if not self.tier.allows(tier):
+                made = [_suite(DeviceUnderTest(dictionary, tier), each) for each in chapters]
+                numbers = (number for suite in made for number in _numbers(suite["steps"]))
+                reasons |= dict.fromkeys(numbers, f"{ONLY_WITH}--{tier.value}")
+        return reasons
 
 
 def parse_motion(text: str) -> tuple[int, int]:

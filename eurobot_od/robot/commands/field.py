@@ -25,7 +25,7 @@ def field(
     logs: Logs = (STANDARD_INPUT,),
     *,
     reading: Reading,
-    output: Annotated[Path, Option("-o", metavar="FILE")],
+    output: Annotated[Path, Option("-o", metavar="FILE", is_output=True)],
     title: str | None = None,
     dialect: Dialect = None,
     robot_name: RobotName = None,

@@ -57,6 +57,7 @@ def _match_time(text: str) -> float:
 
 MatchTime: TypeAlias = Annotated[float, Option(metavar="TIME", read=_match_time)]
 File: TypeAlias = Annotated[Path, Option(metavar="FILE")]
+Written: TypeAlias = Annotated[File, Option(is_output=True)]
 ERRORS = ", ".join(f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
 
 
@@ -106,9 +107,9 @@ class AskedMatch:
     strategy: File | None = None
     compare: Annotated[Sequence[File], Option(nargs="+")] = ()
     against: File | None = None
-    log: File | None = None
+    log: Written | None = None
     log_failure: Annotated[str, Option(choices=(GO_ON, END))] = GO_ON
-    field: File | None = None
+    field: Written | None = None
     as_json: Json = False
     campaign: Annotated[Campaign, HelpGroup("many at once, with --seeds")]
     dialect: Dialect = None

@@ -9,17 +9,18 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from eurobot_od.check import report
-from eurobot_od.check.conformance import page
+from eurobot_od.check import page, report
+from eurobot_od.check.conformance import page as ctt
 from eurobot_od.check.conformance.clauses import Tier
 from eurobot_od.check.conformance.suite import MadeSuites, parse_motion
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.recorded import suite_of
-from eurobot_od.check.report import StepResult, SuiteResult
+from eurobot_od.check.report import RunFacts, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, single_steps
-from eurobot_od.check.runs import OnBus, compared, results_of
+from eurobot_od.check.runs import OnBus, compared, identified, results_of
 from eurobot_od.check.suite import Suite
 from eurobot_od.errors import LocalError, look_up
+from eurobot_od.export.forms import html_of
 from eurobot_od.od import cia401, cia402
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import unheard
@@ -131,9 +132,13 @@ class _Check:
         self._job = job
         interrupt = Interrupt()
         job.at_end = interrupt.request
+        self._began = datetime.datetime.now().astimezone().isoformat("T", "seconds")
+        with job.master() as master:
+            self._devices = identified(master, [self._device])
         how = OnBus(job.open, self._made is not None, self._steps)
         results = [*results_of(how, self._suites, [1], interrupt, self)]
-        notes = [*report.changed(results), *report.remarks(results), *report.not_run(results)]
+        doubts = [each.doubt for each in self._devices if each.doubt]
+        notes = [*doubts, *report.changed(results), *report.remarks(results), *report.not_run(results)]
         return {"summary": report.summary(results), "notes": notes} | self._kept(results)
 
     # What hears of the run (`runs.RunListener`)
@@ -160,14 +165,16 @@ class _Check:
         stem = f"{self._device.name}-{what}"
         now = datetime.datetime.now()
         data = report.as_data(results)
+        facts = RunFacts(self._desk.equipment.made_by, self._began, "", self._devices)
         before = sorted(self._desk.reports.glob(f"{stem}-*.json"))
         changes = compared(json.loads(before[-1].read_text("utf-8")), data) if before else []
-        texts = {"json": json.dumps(data, indent=1), "xml": report.junit(results)}
-        if self._made is not None:
-            made = f"{self._desk.equipment.made_by}, {now.date()}".strip(", ")
-            (run,) = self._made.device_runs([self._device], results, made)
-            texts["html"] = page.text(Path("report.html"), [run])
-            texts["txt"] = "\n".join([run.dictionary.name, *page.lines(run.tests), ""])
+        texts = {"json": json.dumps(data, indent=1), "xml": report.junit(results, facts)}
+        blocks = page.blocks(results, facts)
+        if self._made is not None and self._made.profile is None:
+            blocks = self._made.blocks(results, facts)
+            (run,) = self._made.device_runs(results, facts)
+            texts["txt"] = "\n".join([self._device.name, *ctt.lines(run.tests), ""])
+        texts["html"] = html_of(list(blocks))
         files = [Path(f"{stem}-{now:%Y%m%d-%H%M%S}.{suffix}") for suffix in texts]
         for file, text in zip(files, texts.values()):
             write_whole(self._desk.reports / file, encodable(text).encode())

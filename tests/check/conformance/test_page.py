@@ -14,12 +14,14 @@ import pytest
 from eurobot_od.check.conformance import page
 from eurobot_od.check.conformance.clauses import StepName, Tier
 from eurobot_od.check.conformance.page import DeviceRun
-from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.page import skipped_steps
+from eurobot_od.check.report import CheckedDevice, RunFacts, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Step, Suite
 from eurobot_od.device.faults import FAULTS
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.identity import Identity
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.support.yaml_places import Place
 from tests.kit.devices import (
@@ -37,20 +39,28 @@ from tests.kit.faults import CONFORMANCE
 
 # The page
 
+SHOWN = Identity(0xA01, 0x110, 0x10000, 0x1234)
+MODULE_SHOWN = CheckedDevice(Dictionary.load(IO_MODULE, NODE_ID), SHOWN, "it is another device")
+TODAY = RunFacts("the program", "2026-11-29T12:00:00+00:00", "can0", [MODULE_SHOWN])
+
 
 @cache
 def report() -> DeviceRun:
     """What there is to say about an I/O module with a fault: of the chapter that finds it."""
     kind = FAULTS["guarding-toggle-stuck"].given_to(SimulatedDevice)
     done = list(results(suites(IO_MODULE, chapter="error-control"), kind))
-    return DeviceRun(Dictionary.load(IO_MODULE, NODE_ID), Tier.REVERSIBLE, done, "today")
+    return DeviceRun(MODULE_SHOWN, Tier.REVERSIBLE, done, TODAY)
 
 
 SAID = [
     "# Conformance of io-module",
     "| Product | DIO 16 |",
     "| Tier | reversible |",
-    "| Made by | today |",
+    "it is another device",
+    "| Identity of the device (0x1018) | 0x00000A01:0x00000110:0x00010000:0x00001234 |",
+    "| Bus | can0 |",
+    "| Begun | 2026-11-29 12:00:00+00:00 |",
+    "| Made by | the program |",
     "| node guarding and heartbeat consumer |",
     "### Node guarding: 2. PRE-OPERATIONAL, toggle bit 1",
     "| clause | CiA 301, 7.2.8.3.2.1 |",
@@ -74,14 +84,14 @@ def test_the_html_is_one_page_with_all_text_escaped() -> None:
 def test_steps_red_for_the_same_reason_are_one_line_each() -> None:
     kind = CONFORMANCE["unknown-object-code-wrong"].given_to(SimulatedDevice)
     done = list(results(suites(IO_MODULE, chapter="objects"), kind))
-    run = DeviceRun(Dictionary.load(IO_MODULE, NODE_ID), Tier.REVERSIBLE, done, "today")
+    run = DeviceRun(MODULE_SHOWN, Tier.REVERSIBLE, done, TODAY)
     text = page.text(Path("page.md"), [run])
     assert text.count("### Unknown object: read") == 1
     assert "| read 0x5FFF:0 |" in text
 
 
 def test_steps_after_a_red_one_of_their_group_are_skipped() -> None:
-    assert report().skipped["'2. PRE-OPERATIONAL, toggle bit 1 [CTT 7.3]' before it is red"] == 12
+    assert skipped_steps(report().results)["'2. PRE-OPERATIONAL, toggle bit 1 [CTT 7.3]' before it is red"] == 12
 
 
 def test_another_suffix_is_refused() -> None:
