@@ -264,6 +264,7 @@ def booted(network: SimulatedNetwork) -> object:
         (lambda n: n[n[5]] is n[5], True),
         (lambda n: n[5].sdo.upload(0x1018, 1), b"\0\0\0\0"),
         (lambda n: (n[5].sdo.download(0x6081, 0, b"\x05\0\0\0"), n[5].sdo[0x6081].data), (None, b"\x05\0\0\0")),
+        (lambda n: n[5].sdo.open(0x1008).read(), b"Servo 100"),
         (lambda n: n[5].sdo["Supply temperature"].phys, 21.5),
         (lambda n: n[5].sdo["Supply temperature"].desc, "21.5 degC"),
         (lambda n: n[5].sdo[0x1018].keys(), [1, 2, 3, 4]),

@@ -59,6 +59,11 @@ def test_the_dictionary_of_a_profile_has_all_its_objects(profile: int) -> None:
     assert set(PROFILES[profile]) <= set(dictionary.members)
 
 
+def test_the_objects_of_a_drives_file_that_are_mandatory_in_a_mode_are_in_its_profile() -> None:
+    modes = {0x6040, 0x6041, 0x6060, 0x6061, *range(0x6065, 0x6069), *range(0x607A, 0x6087), 0x60FF}
+    assert modes & SERVO.members.keys() <= set(PROFILES[cia402.PROFILE])
+
+
 def test_objects_with_value_names_have_a_name() -> None:
     named = {cia402.PROFILE: {index for index, _ in DRIVE}, cia401.PROFILE: set(MODULE)}
     missing = {profile: indices - set(PROFILES[profile]) for profile, indices in named.items()}

@@ -162,6 +162,13 @@ def test_a_changed_event_is_kept_as_a_new_one(monkeypatch: pytest.MonkeyPatch) -
     session.close()
 
 
+def test_a_bus_has_no_load_before_its_first_frame() -> None:
+    session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000)
+    shown = snapshot(session)
+    session.close()
+    assert (shown["load"], shown["rate"]) == (0, 0)
+
+
 def test_a_message_has_a_period_after_two_intervals(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, send = bus
     periods = []

@@ -621,6 +621,13 @@ DEFECTS = [
         log(IS_MODULE, every(0.2, "185#01", start=0.02), every(0.2, "185#00", start=0.12)),
     ),
     RuleDefect(
+        BusRule.INPUT_FLUTTERS,
+        log(every(0.04, "185#01", start=0.02), every(0.04, "185#00", start=0.04)),
+        0.44,
+        log(every(0.2, "185#01", start=0.02), every(0.2, "185#00", start=0.12)),
+        ("module",),
+    ),
+    RuleDefect(
         BusRule.INPUT_AT_END,
         log(IS_MODULE, at("285#0000FF7F", start=0.5), beats()),
         0.5,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.traffic.diagnosis.nodes import Beats
 from eurobot_od.traffic.diagnosis.series import two_series
 
 
@@ -43,3 +44,12 @@ def test_one_series_is_not_two(times: list[float], ratio: float) -> None:
 
 def test_the_periods_are_returned() -> None:
     assert two_series(sorted(TWO["of two periods"][0]), 1.25) == pytest.approx((0.5, 0.73))
+
+
+@pytest.mark.parametrize(("intervals", "is_next"), [(2, False), (3, True), (4, True)])
+def test_a_frame_in_phase_continues_a_series_once_that_is_sure(intervals: int, is_next: bool) -> None:
+    beats = Beats(0.1)
+    beats.last = 0.4
+    for _ in range(intervals):
+        beats.add(0.1)
+    assert beats.is_next(0.5) is is_next
