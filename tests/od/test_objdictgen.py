@@ -16,7 +16,10 @@ USER = {
     0x2000: {
         "name": "Filter",
         "struct": 1,
-        "values": [{"name": "Filter", "type": 6, "access": "rw", "pdo": True}],
+        "values": [
+            {"name": "Filter", "type": 6, "access": "rw", "pdo": True},
+            {"name": "Rest", "type": 5, "access": "ro", "pdo": False},  # of no use in a variable
+        ],
     },
     0x2001: {
         "name": "Inputs",

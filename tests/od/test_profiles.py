@@ -75,6 +75,7 @@ def test_values_have_words_on_all_axes() -> None:
     assert drive
     assert words(od.at((0x9841, 0), drive.objects), 0x0218) == "Fault"
     assert words(od.at((0x683F, 0), drive.objects), 0x3220) == "0x3220 DC link undervoltage"
+    assert words(od.at((0x6061, 0), drive.objects), 8) == "cyclic synchronous position"
 
 
 def test_names_and_types_are_those_of_a_drives_file() -> None:

@@ -85,7 +85,9 @@ def row(data: dict[str, Any], name: str) -> dict[str, Any]:
 
 def test_the_index_has_the_rows_and_the_events_of_the_whole_log(log: LongLog, whole: dict[str, Any]) -> None:
     told = log.told({})
-    assert {each["name"] for each in told["rows"]} == {each["name"] for each in whole["rows"]}
+    assert {(each["name"], each["id"]) for each in told["rows"]} == {
+        (each["name"], each["id"]) for each in whole["rows"]
+    }
     assert [(each["kind"], each["time"]) for each in told["events"]] == [
         (each["kind"], each["time"]) for each in whole["events"]
     ]

@@ -66,6 +66,21 @@ def test_an_error_is_answered_with_the_number_of_the_request(
     assert said["error"].startswith(error)
 
 
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ({}, "nothing to set: give a node-ID, a bit rate, or have it stored"),
+        ({"node-ID": "5"}, "node-ID is not a whole number"),
+        ({"node-ID": True}, "node-ID is not a whole number"),
+        ({"node-ID": 5, "identity": [1, 2, 3]}, "identity is missing, or not four numbers of 32 bits"),
+    ],
+    ids=["nothing", "text", "a truth value", "three numbers"],
+)
+def test_what_lss_cannot_set_is_told(requests: Requests, words: dict[str, Any], error: str) -> None:
+    said = asyncio.run(asked(requests, do="set lss", **words))
+    assert said["error"] == error
+
+
 ACTING = [name for name, each in REQUESTS.items() if each.acts]
 
 

@@ -162,6 +162,13 @@ def test_a_changed_event_is_kept_as_a_new_one(monkeypatch: pytest.MonkeyPatch) -
     session.close()
 
 
+def test_the_page_hears_answers_after_a_job_has_left_its_bus(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+    session, send = bus
+    session.open_for_job(lambda _: None).shutdown()
+    send(Frame(0x582, bytes(8)))
+    assert session.tap.recv(0) is not None
+
+
 def test_a_bus_has_no_load_before_its_first_frame() -> None:
     session = Session(partial(open_bus, "virtual", channel()), plant.decoder(), 500_000)
     shown = snapshot(session)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import step
-from eurobot_od.check.conformance.clauses import Chapter, Clause, DeviceUnderTest, StepName, Tier, need, settable
+from eurobot_od.check.conformance.clauses import Chapter, Clause, DeviceUnderTest, StepName, Tier, has, need, settable
 from eurobot_od.check.conformance.objects import CHAPTER as OBJECTS
 from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.od.dictionary import Dictionary
@@ -60,6 +60,13 @@ def test_a_device_without_an_error_register_is_asked_for_a_number_and_for_no_tex
     text = variable("1008", "Device name", "VISIBLE_STRING", "") + variable("1017", "Heartbeat", "UNSIGNED16", "0")
     dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
     assert DeviceUnderTest(dictionary).probe == HEARTBEAT_TIME
+
+
+@pytest.mark.parametrize(("inhibit", "is_prompt"), [(0, True), (1000, True), (1001, False)])
+def test_an_emcy_that_may_come_late_is_not_waited_for(inhibit: int, is_prompt: bool) -> None:
+    text = variable("1014", "EMCY", "UNSIGNED32", "0x85") + variable("1015", "Inhibit", "UNSIGNED16", str(inhibit))
+    device = DeviceUnderTest(Dictionary.read((DEVICE_TYPE + text).encode(), Path("device.eds"), 5))
+    assert has(device.need_prompt_emcy) is is_prompt
 
 
 def test_a_raw_value_is_not_taken_for_a_physical_one() -> None:

@@ -65,6 +65,11 @@ def test_what_keeps_a_drive_from_being_enabled_is_named(word: int, controls: lis
     assert why in found(BusRule.DRIVE_NOT_ENABLED, frames, *DRIVE).text
 
 
+def test_an_input_that_flutters_is_named_by_its_number() -> None:
+    frames = log(every(0.04, "185#0100", start=0.02), every(0.04, "185#0000", start=0.04))
+    assert found(BusRule.INPUT_FLUTTERS, frames, "module").text.startswith("input 1 (0x6000:1, bit 0) ")
+
+
 def test_a_wide_statusword_shows_a_second_axis() -> None:
     frames = at("605#4041600000000000", "585#4341600037061802", gap=0.05)
     assert found(BusRule.DRIVE_FAULT, frames, *DRIVE).text.startswith("axis 2 ")
