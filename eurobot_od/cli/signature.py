@@ -372,7 +372,8 @@ def keep_inputs(described: Mapping[str, Option], given: Namespace) -> None:
     inputs = [name for name, option in described.items() if option.is_file and not option.is_output]
     words = [word for name in inputs for word in _several(getattr(given, name, None))]
     for name, option in described.items():
-        for output in _several(getattr(given, name, None)) if option.is_output else ():
+        outputs = _several(getattr(given, name, None)) if option.is_output else []
+        for output in outputs:
             for read in (each.rpartition("=")[2] for each in words):  # `5=drive.eds`
                 if os.path.isfile(output) and os.path.exists(read) and os.path.samefile(output, read):  # noqa: PTH110, PTH113, PTH121
                     raise LocalError(f"{option.flag or name} {output} is a file that is read: name another one")

@@ -267,7 +267,8 @@ class Period:
         distances = [second.time - first.time for first, second in pairwise(seen)]
         worst = max(distances, key=lambda each: abs(each - self.every))
         wanted = f"{texts.text(self.every)} +- {texts.text(self.tolerance)}"
-        shown = texts.text(worst) + f" (the tester itself was late by up to {texts.text(own)})" * (own > 0)
+        late_too = f" (the tester itself was late by up to {texts.text(own)})" if own > 0 else ""
+        shown = f"{texts.text(worst)}{late_too}"
         off = [
             Mismatch(what, wanted, came)
             for what, distance, came, allowed in (
