@@ -75,7 +75,7 @@ class Binding:
             made = {field: _kind(each, widths[field]) for field, each in mapped}
             entry = CatalogueEntry(kinds.made_type(name, made))
         self.type, self.group, self.always = entry
-        self.kinds = dict(kinds.kinds(self.type))
+        self.kinds = {field: kind.beside(file) for field, kind in kinds.kinds(self.type).items()}
         if self.reads_longer:
             self.kinds |= self._kinds_of_file(mapped)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
@@ -110,7 +110,7 @@ class Binding:
 
     def _kinds_of_file(self, mapped: Iterable[tuple[str, Mapped]]) -> Iterator[tuple[str, Kind]]:
         """Yield the mapped fields' kinds with the units and codes of the file; raises MappingError."""
-        known = kinds.kinds(self.type)
+        known = self.kinds
         for field, each in dict(mapped).items():
             try:
                 if field in known:

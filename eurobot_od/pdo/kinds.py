@@ -27,6 +27,8 @@ from eurobot_od.od.values import DataType, Limits, typed_number, typed_real
 from eurobot_od.od.words import meaning_of, with_words, words
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from canopen.objectdictionary import ODVariable
 
 
@@ -142,6 +144,10 @@ class Kind:
         made._within = said.plain
         made._number(self._fitting(said.codes))
         return made
+
+    def beside(self, file: Path) -> Kind:
+        """Return the kind with what else lies beside the device's file, such as the names of a field's things."""
+        return self
 
     def _refuse_others(self, codes: Mapping[str, int]) -> None:
         """Check that each code of the table is the kind's own, with the same number; raises MeaningError."""
@@ -617,9 +623,9 @@ def flagged_fields(message: Message) -> list[str]:
     return [name for name, value in zip(message._fields, message) if isinstance(value, OutOfRange)]
 
 
-def plain(message: Message) -> dict[str, Any]:
-    """Return a message's fields as numbers, texts, or None for unknown."""
-    fields = zip(kinds(type(message)).items(), message)
+def plain(message: Message, own: Mapping[str, Kind] | None = None) -> dict[str, Any]:
+    """Return a message's fields as numbers, texts, or None for unknown; by their `own` kinds or those of its type."""
+    fields = zip((own or kinds(type(message))).items(), message)
     return {name: None if value is None else kind.plain(value) for (name, kind), value in fields}
 
 

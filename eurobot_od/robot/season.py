@@ -60,28 +60,29 @@ FROM arrivals a JOIN runs r ON a.run = r.run GROUP BY log ORDER BY most_mm DESC,
 
 CODES = " ".join(f"WHEN {code} THEN '{words}'" for code, words in CATALOGUE.errors.items())
 
-APART = 1.0
-"""Maximum time between two frames of one stop, in s, as a stop is repeated until the robot stands."""
-
+# As the picture of the field counts them (`scene.recording`): once until the next goto, an EMCY each time.
 STOPS = f"""
 WITH codes AS (
-    SELECT f.run, f.channel, f.line, f.t, CAST('0x' || hex(f.data)[3:4] || hex(f.data)[1:2] AS INTEGER) AS code
+    SELECT f.run, f.channel, f.line, CAST('0x' || hex(f.data)[3:4] || hex(f.data)[1:2] AS INTEGER) AS code
     FROM frames f JOIN runs r ON f.run = r.run
     WHERE cob_id BETWEEN 129 AND 255 AND octet_length(data) = 8
         AND cob_id NOT IN (SELECT m.cob_id FROM messages m WHERE m.eds = r.eds)
 ),
 sent AS (
-    SELECT run, channel, line, t, 'Emergency Stop: ' || obstacle AS reason FROM emergency_stop
-    UNION ALL SELECT run, channel, line, t, 'Stop Drive' FROM stop_drive
-    UNION ALL SELECT run, channel, line, t, 'Emergency Shutdown' FROM emergency_shutdown
-    UNION ALL SELECT run, channel, line, t, 'goto ' || time_flag FROM goto_state_response
+    SELECT run, channel, line, 'Emergency Stop: ' || obstacle AS reason, 'stop' AS what FROM emergency_stop
+    UNION ALL SELECT run, channel, line, 'Stop Drive', 'stop' FROM stop_drive
+    UNION ALL SELECT run, channel, line, 'Emergency Shutdown', 'shutdown' FROM emergency_shutdown
+    UNION ALL SELECT run, channel, line, 'goto ' || time_flag, 'end' FROM goto_state_response
         WHERE time_flag IN ('blocked', 'not possible')
     UNION ALL
-    SELECT run, channel, line, t, 'EMCY ' || CASE code {CODES} ELSE printf('0x%04X', code) END
+    SELECT run, channel, line, 'EMCY ' || CASE code {CODES} ELSE printf('0x%04X', code) END, 'EMCY ' || line
     FROM codes WHERE code <> 0
 ),
-told AS (SELECT *, t - lag(t) OVER (PARTITION BY run, channel, reason ORDER BY line) AS gap FROM sent)
-SELECT reason, count(*) FILTER (gap IS NULL OR gap > {APART}) AS stops, count(*) AS frames,
+told AS (
+    SELECT s.*, row_number() OVER (PARTITION BY s.run, s.channel, g.line, what ORDER BY s.line) = 1 AS is_new
+    FROM sent s ASOF LEFT JOIN goto_xy g ON s.run = g.run AND s.channel = g.channel AND s.line >= g.line
+)
+SELECT reason, count(*) FILTER (is_new) AS stops, count(*) AS frames,
     count(DISTINCT t.run) AS logs, arg_min(log, log) AS first_log, arg_min(line, (log, line)) AS first_line
 FROM told t JOIN runs r ON t.run = r.run GROUP BY reason ORDER BY stops DESC, reason"""
 

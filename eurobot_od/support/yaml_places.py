@@ -84,6 +84,14 @@ Problems = list[Problem]
 NodeReader = Callable[[yaml.Node, Problems], T]
 
 
+class PlacedError(LocalError):
+    """A mistake at the place of a `text`, if that has one; otherwise at the node that is being read."""
+
+    def __init__(self, text: str, what: str) -> None:
+        super().__init__(what)
+        self.place: Place | None = getattr(text, "place", None)
+
+
 def place_of(mark: yaml.Mark) -> Place:
     """Convert YAML's mark, which counts from 0, to line and column from 1."""
     if not isinstance(mark, MarkElsewhere):
@@ -148,6 +156,9 @@ def refusing(node: yaml.Node, problems: Problems) -> Iterator[None]:
     """Convert a LocalError inside the `with` block into a problem at the node, and leave its reader."""
     try:
         yield
+    except PlacedError as error:
+        problems.append(Problem(error.place or place_of(node.start_mark), str(error)))
+        raise ReadError from None
     except LocalError as error:
         refuse(node, problems, str(error))
 

@@ -22,7 +22,6 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame, identifier_text
-from eurobot_od.pdo.kinds import kinds
 from eurobot_od.traffic.entries import REMEMBERED, Raw, Timed
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
@@ -206,7 +205,7 @@ class _Comparison:
         was, now = self._meaning(one), self._meaning(other)
         if was.message is None or now.message is None or was.message._fields != now.message._fields:
             return [f"{was.text or one.raw} -> {now.text or other.raw}"]
-        fields = kinds(type(was.message)).items()
+        fields = was.kinds.items()
         return [
             f"{field} = {kind.text(old)} -> {kind.text(new)}"
             for (field, kind), old, new in zip(fields, was.message, now.message)

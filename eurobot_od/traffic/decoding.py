@@ -175,7 +175,7 @@ SERVICE_FIELDS = (
 def _fields(meaning: Meaning) -> dict[str, Any]:
     """Return the fields of a frame as numbers and texts."""
     if meaning.message is not None:
-        return plain(meaning.message)
+        return plain(meaning.message, meaning.kinds)
     if meaning.group != CANOPEN:
         return meaning.fields
     return {name: _plain(name, value) for name, value in meaning.fields.items()}

@@ -89,7 +89,7 @@ class _Channels:
         """Return the parts that an entry becomes, each with its channel."""
         made: list[tuple[str, dict[str, Any]]] = []
         if meaning.message is not None:
-            made.append((meaning.name, plain(meaning.message) | {"_": place}))
+            made.append((meaning.name, plain(meaning.message, meaning.kinds) | {"_": place}))
             drawing = self._drawings.get(meaning.name)
             seconds, rest = divmod(round(time * NANOSECONDS), NANOSECONDS)
             drawn = drawing.of(meaning.message, {"sec": seconds, "nsec": rest}) if drawing else None

@@ -21,7 +21,7 @@ from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.codec import compiled, extract
 from eurobot_od.pdo.in_force import Describe, InForce, LeftIdentifier, nothing_known
-from eurobot_od.pdo.kinds import NOTHING, UNKNOWN, Catalogue, Message, OutOfRange, flagged_fields
+from eurobot_od.pdo.kinds import NOTHING, UNKNOWN, Catalogue, Kind, Message, OutOfRange, flagged_fields
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic import services
@@ -107,6 +107,7 @@ class Meaning(NamedTuple):
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
     nothing says who sent it. `transfer` is the SDO transfer that this frame ends, if a `TrackingDecoder` knows it;
     `service` is its identifier's, or another protocol's message: it tells what the frame by itself says as data.
+    `kinds` are those of the message's fields.
     """
 
     raw: Raw
@@ -119,6 +120,7 @@ class Meaning(NamedTuple):
     transfer: SdoTransfer | None = None
     sender: str = ""
     service: CanopenService | ForeignMessage | None = None
+    kinds: Mapping[str, Kind] = MappingProxyType({})
 
     @property
     def fields(self) -> Fields:
@@ -366,6 +368,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     length = binding.layout.length
     decode = binding.decode
     new = tuple.__new__
+    known = binding.kinds
     allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
 
     writer = cache(partial(compile_text_writer, binding))  # compiled when the first text is read
@@ -387,7 +390,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         # Checked in C for speed, as it is hardly ever true.
         if len(data) > length or OutOfRange in map(type, message):
             defects = (*_too_long(frame, binding), *_out_of_range(message, binding, allowed))
-        return new(MessageMeaning, (frame, name, group, nodes, message, text, defects, None, sender, None))
+        return new(MessageMeaning, (frame, name, group, nodes, message, text, defects, None, sender, None, known))
 
     return read
 
@@ -406,7 +409,8 @@ def _read_in_part(binding: Binding, frame: Frame) -> Meaning:
     nodes = (*binding.senders, *binding.receivers)
     sender = next(iter(binding.senders), "")
     found = (defects, *odd)
-    return Meaning(frame, binding.name, binding.group, nodes, message, one_line(text), found, sender=sender)
+    known_as = binding.name, binding.group, nodes
+    return Meaning(frame, *known_as, message, one_line(text), found, sender=sender, kinds=binding.kinds)
 
 
 OUTSIDE = "\0"

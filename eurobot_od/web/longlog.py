@@ -16,7 +16,6 @@ from threading import Event, Lock
 from typing import Any
 
 from eurobot_od.errors import LocalError, look_up
-from eurobot_od.pdo.kinds import Message, kinds
 from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.entries import Batch, LogEntry, Raw
@@ -213,9 +212,10 @@ class LongLog:
         followings = self._followings(places[0])
         with self._one_reader:
             for _, (_, time, channel, raw) in self._entries(places[0], places[1] + 1, keys):
-                message = followings[channel].decoder(channel).remembered(raw).message
-                if message is not None and field in message._fields:
-                    thinned.take(round(time - start, DIGITS), _plain(message, field))
+                meaning = followings[channel].decoder(channel).remembered(raw)
+                if meaning.message is not None and field in meaning.kinds:
+                    value = meaning.kinds[field].plain(getattr(meaning.message, field))
+                    thinned.take(round(time - start, DIGITS), value)
                 if self._is_ended:
                     break
         return thinned.data()
@@ -250,10 +250,6 @@ class LongLog:
                 self._diagnosed = data | {"verdict": far + data["verdict"]}
         found.end()
         self._diagnosed = found.as_data(0.0) | {"is_complete": True}
-
-
-def _plain(message: Message, field: str) -> Any:
-    return kinds(type(message))[field].plain(getattr(message, field))
 
 
 class ThinnedSeries:

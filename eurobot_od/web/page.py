@@ -26,7 +26,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import label
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.kinds import ColumnForm, Message, kinds
+from eurobot_od.pdo.kinds import ColumnForm, Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
@@ -163,8 +163,7 @@ def values(meaning: Meaning) -> list[Any] | None:
     """Return a message's values for the page (numbers, words, None for unknown); None if it is not a message."""
     if meaning.message is None:
         return None
-    written = kinds(type(meaning.message))
-    return [kind.plain(value) for kind, value in zip(written.values(), meaning.message)]
+    return [kind.plain(value) for kind, value in zip(meaning.kinds.values(), meaning.message)]
 
 
 def key_of(raw: Raw) -> int | str:

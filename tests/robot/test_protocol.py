@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -11,11 +12,12 @@ from typing import Any
 import pytest
 
 import eurobot_od
-from eurobot_od.errors import FieldError, FrameLengthError
+from eurobot_od.errors import FieldError, FrameLengthError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.kinds import NOTHING, Message, OutOfRange, flagged_fields, units
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.kinds import NOTHING, Message, OutOfRange, flagged_fields, plain, units
+from eurobot_od.pdo.protocol import Protocol, frame_to_send
 from eurobot_od.robot import dialects
+from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -42,7 +44,7 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from tests.robot.document import NAMES, TABLES_4_AND_5
 from tests.rows import rows
 
@@ -240,3 +242,19 @@ def test_2014_unmasked_obstacle_byte() -> None:
         message = FIRMWARE.decode(0x002, bytes([byte]))
         assert message == EmergencyStop(OutOfRange(byte))
         assert flagged_fields(message) == ["obstacle"]
+
+
+def test_barriers_have_the_names_of_the_file_beside_the_eds_files(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(dialects.folder("canopen"), tmp_path / "eds"))
+    facts = (dialects.eds_folder() / robot_file.NAME).read_text(encoding="utf-8")
+    (folder / robot_file.NAME).write_text(facts.replace("    fire 6:", "    rock 1:", 1), encoding="utf-8")
+    decode = decoder(folder)
+    frame = decode.protocol.encode(GOTO._replace(barriers=Barriers.of({6: Passage.FORCED})))
+    meaning = decode(frame)
+    assert meaning.text.endswith("barriers=rock 1:forced")
+    assert meaning.message is not None
+    assert plain(meaning.message, meaning.kinds)["barriers"] == "rock 1:forced"
+    fields = ["x=1234", "y=567", "angle=89", "speed=75", "barriers=rock-1:forced"]
+    assert frame_to_send(decode.protocol, "Goto XY", fields).frame == frame
+    with pytest.raises(UnknownName, match="rock 1"):
+        frame_to_send(decode.protocol, "Goto XY", [*fields[:4], "barriers=fire-6:forced"])

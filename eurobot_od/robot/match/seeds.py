@@ -357,7 +357,7 @@ def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMa
 FIGURES = (
     Figure("points", 0, _once(lambda match, _: match.points)),
     Figure("tasks done", 0, _once(lambda match, _: sum(task.gain > 0 for task in match.tasks))),
-    Figure("stops", 0, _once(lambda match, _: match.stops)),
+    Figure("stopped by sensor", 0, _once(lambda match, _: match.stops)),
     Figure("touches", 0, _once(lambda match, _: len(match.touches))),
     Figure("places reached", 0, _once(lambda match, _: len(match.arrivals))),
     Figure("distance to place, mm", 1, lambda match: [goto.distance for goto in match.arrivals]),
@@ -486,7 +486,7 @@ class Measure(NamedTuple):
 MEASURES = (
     Measure("points", lambda match: match.points),
     Measure("touches", lambda match: len(match.touches)),
-    Measure("our fault", lambda match: sum(touch.is_wrong for touch in match.touches)),
+    Measure("our fault", lambda match: sum(touch.at_fault for touch in match.touches)),
     Measure("driven, m", lambda match: match.driven, 2),
 )
 POINTS = MEASURES[0]

@@ -59,7 +59,7 @@ class Summary:
             reached = len(self.errors)
             mean = sum(self.errors) / len(self.errors)
             places = f"{reached} place{'' if reached == 1 else 's'} reached"
-            lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
+            lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.1f} mm at most")
         if self.points:
             points = ", ".join(f"{name} {points}" for name, points in self.points.items())
             kinds = ", ".join(f"{count} x {kind}" for kind, count in self.touches.items())

@@ -7,7 +7,7 @@ EDS files: COB-IDs, bit positions, widths, ranges and codes. A unit is named her
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeAlias
 
 from eurobot_od.errors import FieldError
@@ -39,6 +39,8 @@ from eurobot_od.robot.model.values import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from eurobot_od.robot.model.robot_file import Facts
 
 
@@ -111,23 +113,27 @@ TIMES: Mapping[str, Any] = {"arrived": 0, **UNKNOWN, **{words_of(fault): fault f
 """Meaning of the codes of a goto's remaining time (document Table 1, 2014 robot)."""
 
 
-def _shipped() -> Facts:
+def _facts_of(file: Path | None = None) -> Facts:
+    """Return the facts of the robot's file beside an EDS file; the shipped one without an EDS file."""
     from eurobot_od.robot.model import robot_file  # here, as it imports YAML, which most commands do not need
 
-    return robot_file.read()
+    return robot_file.read(file and robot_file.file_for(file))
 
 
 class BarrierFlags(Kind):
     """Barrier flags: any 16 bits, written as `fire-1:forced,pool-2:normal`, `none` or a number.
 
-    The barriers are those of the robot's file, read when their names are first needed; `facts` returns another robot's.
+    The barriers are those of the robot's file, read when their names are first needed.
     """
 
     column_form = ColumnForm.BITS
 
-    def __init__(self, facts: Callable[[], Facts] = _shipped) -> None:
+    def __init__(self, facts: Callable[[], Facts] = _facts_of) -> None:
         super().__init__()
         self._read_facts = facts
+
+    def beside(self, file: Path) -> BarrierFlags:
+        return BarrierFlags(partial(_facts_of, file))
 
     @cached_property
     def _facts(self) -> Facts:

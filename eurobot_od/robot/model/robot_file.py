@@ -21,8 +21,18 @@ from eurobot_od.robot.model.places import Point, Pose, normalise
 from eurobot_od.robot.model.values import FLAGGED, Barriers, Passage, Source, TeamColour
 from eurobot_od.support.declared import ByName, Listed, Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import STRING, Problems, ReadError, compose, refuse, refuse_aliases, shown, telling
-from eurobot_od.support.yaml_shapes import Shape, shape_of
+from eurobot_od.support.yaml_places import (
+    STRING,
+    PlacedError,
+    Problems,
+    ReadError,
+    compose,
+    refuse,
+    refuse_aliases,
+    shown,
+    telling,
+)
+from eurobot_od.support.yaml_shapes import TEXT, Shape, shape_of
 
 SIDE, ANGLE = Within(0, 100_000, "mm"), Within(0, 359, "degrees")
 """Ranges of coordinates on the field, and of headings."""
@@ -407,15 +417,15 @@ class _Standing(NamedTuple):
 
 
 def _barriers(
-    kinds: Annotated[Sequence[BarrierKind], ByName()], places: Mapping[str, _Standing]
+    kinds: Annotated[Sequence[BarrierKind], ByName()], places: Mapping[Annotated[str, TEXT], _Standing]
 ) -> tuple[Barrier, ...]:
     known = {each.name: each for each in kinds}
     found = dict[int, Barrier]()
     for name, each in places.items():
         if each.kind not in known:
-            raise LocalError(f"{name}: {UnknownName('kind', each.kind, known)}")
+            raise PlacedError(name, f"{name}: {UnknownName('kind', each.kind, known)}")
         if each.number in found:
-            raise LocalError(f"{name}: number {each.number} is taken by {found[each.number].name}")
+            raise PlacedError(name, f"{name}: number {each.number} is taken by {found[each.number].name}")
         found[each.number] = Barrier(name, each.number, known[each.kind], *each.at)
     return tuple(found[number] for number in sorted(found))
 
@@ -428,13 +438,17 @@ def _facts(
     tasks: Annotated[Sequence[Task], ByName()],
     robots: Mapping[Literal["enemy 1", "enemy 2", "confederate"], OtherRobot],
 ) -> Facts:
-    places = [(each.name, each.point) for each in barriers] + [(f"task {each.name}", each.pose.point) for each in tasks]
-    for name, (x, y) in places:
+    places = [(each.name, "", each.point) for each in barriers]
+    places += [(each.name, "task ", each.pose.point) for each in tasks]
+    for name, what, (x, y) in places:
         if not field.contains(Point(x, y)):
             size = f"{field.width:g} x {field.height:g} mm"
-            raise LocalError(f"{name} at ({x:g}, {y:g}) is outside of the field of {size}")
+            raise PlacedError(name, f"{what}{name} at ({x:g}, {y:g}) is outside of the field of {size}")
     others = {Source[name.upper().replace(" ", "_")]: each for name, each in robots.items()}
-    return Facts(body, field, barriers, {each.name: each for each in tasks}, others, match.duration)
+    # Without their places in the file, as names go into results.
+    standing = tuple(each._replace(name=str(each.name)) for each in barriers)
+    red_tasks = {str(each.name): each._replace(name=str(each.name)) for each in tasks}
+    return Facts(body, field, standing, red_tasks, others, match.duration)
 
 
 @cache

@@ -142,7 +142,7 @@ class Recorder:
         self.recording = Recording()
         self.start: float | None = None
         self._running: RecordedGoto | None = None
-        self._standing: Message | None = None
+        self._stopped: set[bool] = set()  # since the last goto; whether each stop was a shutdown
         self._news: list[RecordedGoto | RecordedStop] = []
 
     def take(self, time: float, message: Message) -> list[RecordedGoto | RecordedStop]:
@@ -173,7 +173,7 @@ class Recorder:
             return
         self._end(now, Outcome.REPLACED)
         self._running = RecordedGoto(len(self.recording.gotos) + 1, now, goto)
-        self._standing = None
+        self._stopped = set()
         self.recording.gotos.append(self._running)
         self._news.append(self._running)
 
@@ -184,16 +184,18 @@ class Recorder:
             self._end(now, FAULT_OUTCOME[state.time])
 
     def stop(self, now: float, stop: messages.StopMessage) -> None:
-        """Add a stop; the same one without a goto in between is a repetition."""
-        if stop == self._standing:
+        """Add a stop, unless it repeats one since the last goto; only a shutdown is more than any other stop.
+
+        A stop is repeated until the robot stands, and an Emergency Stop may be followed by a Stop Drive.
+        """
+        is_shutdown = isinstance(stop, messages.EmergencyShutdown)
+        if is_shutdown in self._stopped:
             return
-        self._standing = stop
+        self._stopped.add(is_shutdown)
         self._end(now, Outcome.STOPPED)
         letter = _letter(len(self.recording.stops))
         place = at(self.recording.path, now)
-        what = (
-            "Emergency Shutdown: mushroom" if isinstance(stop, messages.EmergencyShutdown) else "Stop Drive: commanded"
-        )
+        what = "Emergency Shutdown: mushroom" if is_shutdown else "Stop Drive: commanded"
         if isinstance(stop, messages.EmergencyStop):
             what = f"Emergency Stop: {kinds(messages.EmergencyStop)['obstacle'].text(stop.obstacle)}"
         self.recording.stops.append(RecordedStop(letter, now, what, place))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.match.seeds import PlayedMatch, compared, farthest_apart, interval
-from eurobot_od.robot.match.summary import Summary
+from eurobot_od.robot.match.seeds import PlayedMatch, compared, farthest_apart, interval, touch_counts
+from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.robot.model.values import OURS
 
 
@@ -34,6 +36,14 @@ def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
     assert "quick against slow: points +3.25 ± 0.49; more at 4 seeds, fewer at 0" in lines
     assert "same against slow: points +0.00 ± 1.13, which may be chance; more at 2 seeds, fewer at 2" in lines
     assert "same against slow: touches +0.00 ± 0.00, the same at each seed; more at 0 seeds, fewer at 0" in lines
+
+
+def test_our_fault_is_what_a_single_match_and_a_table_of_seeds_call_so() -> None:
+    touches = [RobotTouch(1.0, "fire 1", at_fault=True, driven_into=False), RobotTouch(2.0, "enemy 1", True, True)]
+    after = [replace(each, touches=touches) for each in matches(5, 10)]
+    lines = [*compared({"one": matches(5, 10), "other": after})]
+    assert "other against one: our fault +2.00 ± 0.00; more at 2 seeds, fewer at 0" in lines
+    assert sum(at_fault for _, _, _, at_fault, _ in touch_counts(after)) == 4
 
 
 def test_the_seed_to_be_drawn_is_the_first_of_those_whose_points_differ_most() -> None:

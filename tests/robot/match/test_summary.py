@@ -32,7 +32,7 @@ def test_messages_are_counted_under_their_names_in_the_order_of_their_priority()
 def test_in_words_every_count_has_a_line_and_errors_and_reports_follow_the_totals() -> None:
     counted = replace(
         summary(GOTO, GOTO, Frame(0x701, b"\x05")),
-        errors=[1.0, 4.0],
+        errors=[3.3, 3.3],
         reports=["one lost"],
         points={"ours": 12},
         touches={"pool": 1, "fire": 2},
@@ -46,7 +46,7 @@ def test_in_words_every_count_has_a_line_and_errors_and_reports_follow_the_total
     ]
     assert lines[-5:] == [
         f"1 of {len(PROTOCOL.names())} messages in 1.0 s, bus load {counted.load:.2%}",
-        "2 places reached, position error 2.5 mm on average, 4 mm at most",
+        "2 places reached, position error 3.3 mm on average, 3.3 mm at most",
         "points: ours 12",
         "touches: 1 x pool, 2 x fire; 2 of 3 by our fault",
         "gatekeeper: one lost",

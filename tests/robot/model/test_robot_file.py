@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from pathlib import Path
 
@@ -54,11 +55,26 @@ def test_a_mistake_in_the_file_is_one_line_with_its_place(tmp_path: Path, text: 
     assert what in found[2]
 
 
-def test_the_line_is_that_of_the_value(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "instead"),
+    [
+        ("number: 2, kind: fire", "number: 9, kind: fire"),
+        ("number: 2, kind: fire", "number: 1, kind: fire"),
+        ("number: 2, kind: fire", "number: 2, kind: rock"),
+        ("at: [400, 900]", "at: [400, 2900]"),
+        ("mammoth: {at: [600", "mammoth: {at: [9600"),
+    ],
+    ids=["value", "number taken", "unknown kind", "barrier outside", "task outside"],
+)
+def test_the_line_is_that_of_the_entry(tmp_path: Path, text: str, instead: str) -> None:
     file = tmp_path / robot_file.NAME
-    file.write_text(SHIPPED.replace("number: 2, kind: fire", "number: 9, kind: fire", 1), encoding="utf-8")
-    with pytest.raises(YamlError, match=f":{line_of('number: 2, kind: fire')}:"):
+    file.write_text(SHIPPED.replace(text, instead, 1), encoding="utf-8")
+    with pytest.raises(YamlError, match=f":{line_of(text)}:"):
         robot_file.read(file)
+
+
+def test_names_can_go_to_another_process() -> None:
+    assert pickle.loads(pickle.dumps(FACTS)) == FACTS
 
 
 CHANGES = [

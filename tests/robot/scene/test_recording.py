@@ -90,6 +90,11 @@ STOPS: list[tuple[str, list[Message], list[tuple[str, float, str]]]] = [
         [("A", 1, "Stop Drive: commanded")],
     ),
     (
+        "an emergency stop, and the stop drive that follows",
+        [ONE, EmergencyStop(Obstacle.ENEMY), EmergencyStop(Obstacle.ENEMY), StopDrive()],
+        [("A", 1, "Emergency Stop: enemy")],
+    ),
+    (
         "two in a row that differ",
         [EmergencyStop(Obstacle.ENEMY), EmergencyShutdown()],
         [("A", 0, "Emergency Stop: enemy"), ("B", 1, "Emergency Shutdown: mushroom")],

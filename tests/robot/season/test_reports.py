@@ -53,7 +53,9 @@ FIRST: list[Timed] = [
 SECOND: list[Timed] = [
     sent(0.0, messages.EmergencyStop(Obstacle.ENEMY)),
     sent(0.2, messages.EmergencyStop(Obstacle.ENEMY)),  # repeated
-    sent(5.0, messages.EmergencyStop(Obstacle.ENEMY)),
+    sent(0.3, messages.StopDrive()),  # of the same stop
+    sent(0.8, GOTO),
+    sent(0.9, messages.EmergencyStop(Obstacle.ENEMY)),
     sent(6.0, BLOCKED),
     (7.0, Frame(0x081, RobotError.DRIVE_BLOCKED.to_bytes(2, "little") + bytes(6))),
     (8.0, Frame(0x081, bytes(8))),  # the error is gone
@@ -97,8 +99,9 @@ def test_an_arrival_is_the_first_state_that_says_so_and_its_error_that_of_the_po
 def test_stops_are_counted_once_however_often_they_are_sent(season: Season) -> None:
     assert rows(season, "stops", "reason", "stops", "frames", "logs", "first_log", "first_line") == [
         ("Emergency Stop: enemy", 2, 3, 1, "second", 1),
-        ("EMCY drive blocked", 1, 1, 1, "second", 5),
-        ("goto blocked", 1, 1, 1, "second", 4),
+        ("EMCY drive blocked", 1, 1, 1, "second", 7),
+        ("goto blocked", 1, 1, 1, "second", 6),
+        ("Stop Drive", 0, 1, 1, "second", 3),
     ]
 
 
