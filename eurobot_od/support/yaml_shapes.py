@@ -385,7 +385,7 @@ def _by_name(of: Of, _: ByName, kind: Any) -> Shape[Any]:
     item = get_args(kind)[0]
     keys = _keys(of, item)
     del keys["name"]
-    entries: Shape[dict[str, Any]] = mapping(record(dict, keys), TEXT)
+    entries: Shape[dict[PlacedText, Any]] = mapping(record(dict, keys), TEXT)
     return converted(entries, lambda found: tuple(item(name=name, **values) for name, values in found.items()))
 
 
