@@ -28,7 +28,7 @@ from eurobot_od.client.program import load
 from eurobot_od.client.streams import clear_history, read_history
 from eurobot_od.errors import LocalError, NoAnswer, UnknownName
 from eurobot_od.od import objects as od
-from eurobot_od.od.cia402 import MODE_WORDS
+from eurobot_od.od.cia402 import MODE_WORDS, State
 from eurobot_od.od.dcf import renumbered
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
@@ -409,8 +409,8 @@ def program(
 
 # A drive of CiA 402
 
-LOOK = 0.5
-"""Time between two lines of `jog`, in s."""
+LOOK, CHECK = 0.5, 0.1
+"""Time between two lines of `jog`, and between two looks at whether the drive still obeys, in s."""
 
 HEARD_FOR = 0.2
 """Time to listen for another node with our node-ID, in s."""
@@ -443,15 +443,24 @@ class MotionOptions:
 
 
 def _jog(drive: Drive402, velocity: int, asked: MotionOptions) -> None:
-    """Turn until Ctrl-C or the end of the time, and halt; print the drive's status meanwhile."""
-    end = inf if asked.span is None else time.monotonic() + asked.span
+    """Turn until Ctrl-C or the end of the time, and halt; print the drive's status meanwhile.
+
+    Raises DriveError when the drive does not turn as it was told to any more.
+    """
+    end, shown = inf if asked.span is None else time.monotonic() + asked.span, -inf
     try:
         drive.velocity = velocity
-        while time.monotonic() < end:
-            print(one_line(drive_as_text(drive.status)), flush=True)
-            time.sleep(max(0.0, min(LOOK, end - time.monotonic())))
+        while (now := time.monotonic()) < end:
+            drive.check_turning(velocity)
+            if now >= shown + LOOK:
+                print(one_line(drive_as_text(drive.status)), flush=True)
+                shown = now
+            time.sleep(max(0.0, min(CHECK, end - time.monotonic())))
     finally:
         drive.halt()
+    if (state := drive.state) is not State.ENABLED:
+        said = state.words if state else "no state"
+        complain(f"the halt has left the drive in {said}: it did not stand within 0.5 s, so that a quick stop followed")
 
 
 def _move(drive: Drive402, position: int, asked: MotionOptions) -> None:
@@ -557,4 +566,6 @@ def drive_as_text(status: DriveStatus) -> str:
     data = drive_as_data(status)
     fault = f", error code 0x{status.error_code:04X}" if status.error_code else ""
     place = f"position {status.position}, velocity {status.velocity}"
-    return f"{data['state'] or 'no state'}{fault}, {data['mode']}, {place} (statusword 0x{status.statusword:04X})"
+    limit = f", {status.limit}" if status.limit else ""
+    word = f"statusword 0x{status.statusword:04X}"
+    return f"{data['state'] or 'no state'}{fault}, {data['mode']}, {place}{limit} ({word})"

@@ -9,21 +9,25 @@ Positions, velocities and accelerations are in the drive's own units.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from functools import partial
-from typing import NamedTuple
+from math import inf
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.client.master import RemoteNode, blocking, finished
 from eurobot_od.client.motion import (
+    BEGINS,
     FOLLOWING,
     GIVE_UP,
+    NOISE,
     OFFSETS,
     REPEAT,
     RESTING,
     AxisAddress,
     AxisObjects,
     AxisStop,
+    Held,
     StopKind,
 )
 from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused, look_up
@@ -46,6 +50,18 @@ ENABLE_WAIT = 2.0
 
 MOTION_WAIT = 60.0
 """Default timeout of a motion, in s."""
+
+CHECK = 0.2
+"""Interval between two looks at whether another program has taken the drive, in s."""
+
+AT_LIMIT = 1.0
+"""Time after which a move that stands at an internal limit has ended there, in s."""
+
+IsOurs: TypeAlias = Callable[[], Awaitable[None]]
+"""Raises DriveError where another program has taken the drive."""
+
+NO_WINDOW = 0xFFFFFFFF
+"""Value of the position window that switches it off."""
 
 ENABLE = "enable"
 
@@ -74,7 +90,7 @@ def commands_to(target: State) -> Mapping[State, DriveCommand]:
 
 
 class DriveStatus(NamedTuple):
-    """Status of a drive; `state` is None if the statusword belongs to no state."""
+    """Status of a drive; `state` is None if the statusword belongs to no state, `limit` what stops it, in words."""
 
     state: State | None
     statusword: int
@@ -82,6 +98,7 @@ class DriveStatus(NamedTuple):
     position: int
     velocity: int
     error_code: int
+    limit: str = ""
 
 
 class DriveAtNode:
@@ -134,7 +151,21 @@ class DriveAtNode:
         shown = (cia402.MODE_DISPLAY, cia402.POSITION, cia402.VELOCITY)
         mode, position, velocity = [await self._read(each) for each in shown]
         code = await self._read(cia402.ERROR_CODE) if state in FAULTY else 0
-        return DriveStatus(state, word, mode, position, velocity, code)
+        return DriveStatus(state, word, mode, position, velocity, code, await self._limit(word))
+
+    async def _limit(self, word: int) -> str:
+        """Return in words what limits the drive, by its statusword and its switches; nothing if nothing does."""
+        if not word & cia402.INTERNAL_LIMIT:
+            return ""
+        inputs = await self._read_optional(cia402.DIGITAL_INPUTS) or 0
+        switches = [words for bit, words in cia402.INPUT_BITS.items() if inputs & cia402.LIMIT_INPUTS & 1 << bit]
+        return ": ".join(filter(None, ["internal limit active (bit 11)", ", ".join(switches)]))
+
+    async def _said(self, word: int) -> str:
+        """Return the state of a statusword in words, and what limits the drive."""
+        state = cia402.state_of(word)
+        said = f"it is in {state.words if state else 'an unknown state'} (statusword 0x{word:04X})"
+        return ", ".join(filter(None, [said, await self._limit(word)]))
 
     async def _poll(
         self, within: float, done: Callable[[int], bool], index: int = cia402.STATUSWORD
@@ -148,17 +179,59 @@ class DriveAtNode:
             await self._node.master.pump.steps(POLL)
         return word, True
 
-    async def _until(self, what: str, within: float, done: Callable[[int], bool]) -> int:
-        """Wait for a statusword that is `done` and return it; raises DriveError on a fault or timeout."""
-        word, ended = await self._poll(within, lambda word: done(word) or cia402.state_of(word) in FAULTY)
+    async def _until(
+        self,
+        what: str,
+        within: float,
+        done: Callable[[int], bool],
+        is_ours: IsOurs | None = None,
+    ) -> int:
+        """Wait for a statusword that is `done` and return it; raises DriveError on a fault or timeout.
+
+        `is_ours` is given for a motion, and called again and again. A motion also ends when the drive leaves Operation
+        enabled.
+        """
+        moves, clock = is_ours is not None, self._node.master.clock
+        end, ended = clock() + within, False
+
+        def ends(word: int) -> bool:
+            state = cia402.state_of(word)
+            return done(word) or state in FAULTY or (moves and state is not State.ENABLED)
+
+        while not ended:
+            word, ended = await self._poll(min(CHECK, end - clock()) if is_ours else within, ends)
+            if ended:
+                await self._check_state(what, word, moves)
+            if is_ours:
+                await is_ours()
+            if not ended and clock() >= end:
+                why = await self._hindrance(word) if what == ENABLE else ""
+                raise DriveError(f"{self._name}: {what}: not within {within:g} s; {await self._said(word)}{why}")
+        return word
+
+    async def _check_state(self, what: str, word: int, moves: bool = True) -> None:
+        """Check that a drive has no fault, and while it `moves` that it is enabled; raises DriveError."""
         state = cia402.state_of(word)
-        if not ended:
-            said = f"it is in {state.words}" if state else "it is in an unknown state"
-            why = await self._hindrance(word) if what == ENABLE else ""
-            raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X}){why}")
         if state in FAULTY:
             raise await self._fault(what)
-        return word
+        if moves and state is not State.ENABLED:
+            # A stop is then a quick stop, as a halt is "enable operation" and could give it its torque back.
+            self._node.master.controlwords.pop(self._address, None)
+            taken = "another program, or an input of the drive, has taken it out of Operation enabled"
+            raise DriveError(f"{self._name}: {what}: {await self._said(word)}: {taken}")
+
+    async def _check_command(self, what: str, mode: Mode, index: int | None = None, value: int = 0) -> None:
+        """Check that no other program has changed the mode of operation or the target; raises DriveError."""
+        shown = await self._read_optional(cia402.MODE_DISPLAY)
+        if shown not in (None, mode):
+            said = cia402.MODE_WORDS.get(shown or 0, f"mode {shown}")
+            raise DriveError(f"{self._name}: {what}: another program has put it into {said}")
+        kept = await self._read_optional(index) if index else None
+        if index and kept not in (None, value):
+            place = f"0x{index + self._offset:04X}"
+            raise DriveError(
+                f"{self._name}: {what}: another program has written the target {kept}, not {value}, {place}"
+            )
 
     async def _hindrance(self, word: int) -> str:
         """Return why a drive may ignore its controlword, judging by its objects."""
@@ -340,15 +413,22 @@ class DriveAtNode:
             await self._begin_home(method)
             # Both bits, as with bit 12 alone the axis is still moving (CiA 402-2, clause 11).
             done = cia402.BIT_12 | cia402.TARGET_REACHED
-            word = await self._until("home", within, lambda word: word & done == done or bool(word & cia402.BIT_13))
+            is_ours = partial(self._check_command, "home", Mode.HOMING)
+            word = await self._until(
+                "home", within, lambda word: word & done == done or bool(word & cia402.BIT_13), is_ours
+            )
         if word & cia402.BIT_13:
             raise DriveError(f"{self._name}: home: homing error (statusword 0x{word:04X})")
         await self._command(DriveCommand.ENABLE)
 
     async def _begin_move(
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = ENABLE_WAIT
-    ) -> None:
-        """Enable the drive and start a move; it has `within` seconds to accept the set-point."""
+    ) -> int | None:
+        """Enable the drive and start a move; it has `within` seconds to accept the set-point.
+
+        Returns:
+            The position at its end; None if only the drive knows it, as of a distance from its last set-point.
+        """
         if relative and await self._state() is State.ENABLED:
             # The drive itself would count from its last set-point, which a halted move has not reached.
             position = await self._read(cia402.POSITION) + position
@@ -362,21 +442,71 @@ class DriveAtNode:
         # At once, without first reaching a set-point that an interrupted program left.
         bits = cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
         await self._command(DriveCommand.ENABLE, bits)
-        await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
+        is_ours = partial(self._check_command, "move", Mode.PROFILE_POSITION)
+        await self._until("move", within, lambda word: bool(word & cia402.BIT_12), is_ours)
         await self._command(DriveCommand.ENABLE)
+        return None if relative else position
 
     async def _move(
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
     ) -> None:
         """Enable the drive, move to a position, or by a distance if `relative`, and wait for the end.
 
-        The distance counts from where it is.
+        The distance counts from where it is. Raises DriveError if it does not end at its target: it stands at a limit,
+        or another program moves the drive.
         """
         async with self._watched():
-            await self._begin_move(position, velocity, relative=relative, within=within)
-            reached = cia402.TARGET_REACHED
-            # While bit 12 is set, "target reached" may belong to the set-point before.
-            await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
+            begin = await self._read(cia402.POSITION)
+            target = await self._begin_move(position, velocity, relative=relative, within=within)
+            await self._until_reached(position if target is None else target, within)
+            if target is not None:
+                await self._check_arrival(begin, target)
+
+    async def _until_reached(self, target: int, within: float) -> None:
+        """Wait until the drive reports its target reached; raises DriveError, also if it stands at a limit."""
+        clock = self._node.master.clock
+        end, place, unmoved = clock() + within, inf, Held()
+        is_ours = partial(self._check_command, "move", Mode.PROFILE_POSITION, cia402.TARGET_POSITION, target)
+        while not _has_reached(word := await self._until("move", within, _has_reached_or_is_limited, is_ours)):
+            position = await self._read(cia402.POSITION)
+            is_same = abs(position - place) <= NOISE
+            unmoved.take(is_same, clock())
+            place = place if is_same else position
+            if unmoved.span >= AT_LIMIT or clock() >= end:
+                raise DriveError(f"{self._name}: move: it stands at {position}; {await self._said(word)}")
+            await self._node.master.pump.steps(POLL)
+
+    async def _check_arrival(self, begin: int, target: int) -> None:
+        """Check that the drive is where it was sent; raises DriveError.
+
+        It may be off by its position window, or else by a hundredth of the way.
+        """
+        window = await self._read_optional(cia402.POSITION_WINDOW) or 0
+        allowed = max(NOISE, window if window < NO_WINDOW else 0, abs(target - begin) // 100)
+        round_ = await self._positions()
+
+        def is_there(position: int) -> bool:
+            off = abs(position - target)
+            return min(off, abs(round_ - off)) <= allowed
+
+        position, arrived = await self._poll(BEGINS, is_there, cia402.POSITION)
+        if not arrived:
+            said = await self._said(await self._read(cia402.STATUSWORD))
+            raise DriveError(f"{self._name}: move: it stands at {position}, not at {target}; {said}")
+
+    async def _positions(self) -> int:
+        """Return the number of positions of an axis that counts round (0x607B), 0 for any other."""
+        try:
+            ends = [await self._node.upload.steps((cia402.POSITION_RANGE + self._offset, sub)) for sub in (1, 2)]
+        except NodeRefused:
+            return 0
+        low, high = [int.from_bytes(each[:4], "little", signed=True) for each in ends]
+        return high - low + 1 if low < high else 0
+
+    async def _check_turning(self, velocity: int) -> None:
+        """Check that the drive still turns as it was told to by `velocity`; raises DriveError."""
+        await self._check_state("turn", await self._read(cia402.STATUSWORD))
+        await self._check_command("turn", Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, velocity)
 
     async def _turn(self, velocity: int) -> None:
         """Enable the drive and turn it at a velocity, in profile velocity mode."""
@@ -397,6 +527,15 @@ class DriveAtNode:
                 await self._write(target, value)
             # Clears bits 4 to 6 and 8, which the former mode may have set.
             await self._command(DriveCommand.ENABLE)
+
+
+def _has_reached(word: int) -> bool:
+    # While bit 12 is set, "target reached" may belong to the set-point before.
+    return word & (cia402.TARGET_REACHED | cia402.BIT_12) == cia402.TARGET_REACHED
+
+
+def _has_reached_or_is_limited(word: int) -> bool:
+    return _has_reached(word) or bool(word & cia402.INTERNAL_LIMIT)
 
 
 def _has_left(state: State | None, word: int) -> bool:
@@ -447,6 +586,7 @@ class Drive402(DriveAtNode):
     home, move_to = blocking(DriveAtNode._home), blocking(DriveAtNode._move)
     begin_home, begin_move = blocking(DriveAtNode._begin_home), blocking(DriveAtNode._begin_move)
     begin_torque = blocking(DriveAtNode._begin_torque)
+    check_turning = blocking(DriveAtNode._check_turning)
 
 
 class AsyncDrive402(DriveAtNode):
@@ -476,4 +616,4 @@ class AsyncDrive402(DriveAtNode):
     bring_to, choose = DriveAtNode._bring_to, DriveAtNode._choose
     quick_stop, halt = DriveAtNode._quick_stop, DriveAtNode._halt
     fault_reset, turn = DriveAtNode._fault_reset, DriveAtNode._turn
-    home, move_to = DriveAtNode._home, DriveAtNode._move
+    home, move_to, check_turning = DriveAtNode._home, DriveAtNode._move, DriveAtNode._check_turning

@@ -70,7 +70,7 @@ TYPES: Mapping[int, DataType] = {
     **dict.fromkeys((cia402.TARGET_TORQUE, cia402.TORQUE_OFFSET, cia402.ABORT_CONNECTION), INTEGER16),
     **dict.fromkeys((cia402.POSITION_OFFSET, cia402.VELOCITY_OFFSET), INTEGER32),
     **dict.fromkeys((cia402.TARGET_VL_VELOCITY, cia402.VL_VELOCITY), INTEGER16),
-    cia402.PROFILE_VELOCITY: UNSIGNED32,
+    **dict.fromkeys((cia402.PROFILE_VELOCITY, cia402.POSITION_WINDOW, cia402.DIGITAL_INPUTS), UNSIGNED32),
 }
 """Data types of the objects in CiA 402, for a drive without a file."""
 

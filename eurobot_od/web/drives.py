@@ -85,7 +85,7 @@ SHOWN: Mapping[str, int] = {
 
 Numbers: TypeAlias = Mapping[str, int]
 
-ORDERS: Mapping[str, Callable[[Drive402, Numbers], None]] = {
+ORDERS: Mapping[str, Callable[[Drive402, Numbers], object]] = {
     "enable": lambda drive, _: drive.enable(),
     "fault reset": lambda drive, _: drive.fault_reset(),
     # None of them waits for the end of the motion, so that a halt need not wait for it, either.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 from collections.abc import Iterator
+from math import inf
 
 import pytest
 
@@ -12,6 +13,7 @@ from eurobot_od.bus.live import Live
 from eurobot_od.cli import objects as command
 from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
+from eurobot_od.frame import Frame
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus
 from tests.cli.processes import command as process
@@ -55,6 +57,39 @@ def test_a_fault_is_shown_and_reset(capsys: pytest.CaptureFixture[str]) -> None:
         assert moved.err == "eurobot-od: the drive of node 5: move: it has a fault, error code 0x7305\n"
         assert "error code 0x7305" in said(capsys, channel, "status").out
         assert said(capsys, channel, "reset").out.startswith("node 5: Switch on disabled")
+
+
+class TakenAway(SimulatedDrive):
+    """Is disabled by another program at 0.3 s."""
+
+    taken = inf
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == 0x605 and frame.data[:3] == bytes.fromhex("23FF60"):
+            self.taken = now + 0.3
+        return super().receive(frame, now)
+
+    def tick(self, now: float) -> list[Frame]:
+        if now > self.taken:
+            self.receive(Frame(0x605, bytes.fromhex("2B40600000000000")), now)
+            self.taken = inf
+        return super().tick(now)
+
+
+def test_a_jog_that_another_program_ends_is_red(capsys: pytest.CaptureFixture[str]) -> None:
+    channel = new_channel()
+    with Live.node(open_bus(channel), TakenAway(SERVO)):
+        jog = said(capsys, channel, "jog", "100")
+    assert jog.status == 1
+    assert "turn: it is in Switch on disabled (statusword 0x0" in jog.err
+
+
+def test_a_jog_that_leaves_the_drive_disabled_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    channel = new_channel()
+    with Live.node(open_bus(channel), SimulatedDrive(SERVO, given={(0x6084, 0): 1})):
+        jog = said(capsys, channel, "jog", "1000", "--for", "500 ms")
+    assert jog.out.splitlines()[-1].startswith("node 5: Switch on disabled")
+    assert "the halt has left the drive in Switch on disabled: it did not stand within 0.5 s" in jog.err
 
 
 WRONG = [

@@ -76,7 +76,7 @@ def test_a_drive_turns_until_it_is_halted() -> None:
 
 def test_its_status_is_all_at_once() -> None:
     with drive() as network:
-        assert network[5].drive402.status == (State.DISABLED, 0x0270, 1, 0, 0, 0)
+        assert network[5].drive402.status == (State.DISABLED, 0x0270, 1, 0, 0, 0, "")
 
 
 def test_a_fault_is_reset() -> None:
@@ -110,6 +110,109 @@ WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
 def test_a_command_without_effect_is_a_drive_error(fault: str, call: Callable[[Any], object], text: str) -> None:
     with drive(fault) as network, pytest.raises(DriveError, match=text):
         call(network[5].drive402)
+
+
+def writing(index: int, value: int) -> Frame:
+    """Return another program's write of an object of the drive."""
+    command = {0x6040: 0x2B, 0x6060: 0x2F}.get(index, 0x23)
+    return Frame(0x605, bytes([command]) + index.to_bytes(2, "little") + b"\0" + value.to_bytes(4, "little"))
+
+
+MOVE_TO_0 = (writing(0x607A, 0), writing(0x6040, 0x3F), writing(0x6040, 0xF))
+
+OTHERS: dict[str, tuple[tuple[Frame, ...], Callable[[Any], object], str]] = {
+    "a move, disabled": (
+        (writing(0x6040, 0),),
+        lambda axis: axis.move_to(60_000),
+        r"move: it is in Switch on disabled \(statusword 0x0\w+\): another program, or an input",
+    ),
+    "a move, moved elsewhere": (
+        MOVE_TO_0,
+        lambda axis: axis.move_to(60_000),
+        "move: another program has written the target 0, not 60000, 0x607A",
+    ),
+    "a move, halted": (
+        (writing(0x6040, 0x10F),),
+        lambda axis: axis.move_to(60_000),
+        r"move: it stands at \d+, not at 60000; it is in Operation enabled",
+    ),
+    "a homing, in another mode": (
+        (writing(0x6060, 1), *MOVE_TO_0),
+        lambda axis: axis.home(24, within=60),
+        "home: another program has put it into profile position",
+    ),
+    "a homing, disabled": (
+        (writing(0x6040, 0),),
+        lambda axis: axis.home(24),
+        "home: it is in Switch on disabled",
+    ),
+}
+
+
+@pytest.mark.parametrize(("writes", "call", "text"), OTHERS.values(), ids=OTHERS)
+def test_a_motion_that_another_program_ends_is_a_drive_error(
+    writes: tuple[Frame, ...], call: Callable[[Any], object], text: str
+) -> None:
+    with drive(travel=(-50, 50)) as network:
+        axis, clock, device = network[5].drive402, network.master.clock, network.devices[5]
+        waiting, began = list(writes), clock()
+
+        def kick() -> None:
+            while waiting and clock() > began + 0.5:
+                device.receive(waiting.pop(0), clock())
+
+        axis.kick = kick
+        with pytest.raises(DriveError, match=text):
+            call(axis)
+        assert (waiting, clock() - began < 12) == ([], True)
+        assert axis.velocity == 0
+
+
+def test_a_disabled_drive_does_not_get_its_torque_back_from_a_halt() -> None:
+    with drive() as network:
+        axis = network[5].drive402
+        axis.velocity = 60
+        network.devices[5].receive(writing(0x6040, 6), network.master.clock())
+        with pytest.raises(DriveError, match="turn: it is in Ready to switch on"):
+            axis.check_turning(60)
+        axis.halt()
+        assert axis.state is State.DISABLED
+
+
+@pytest.mark.parametrize(
+    ("write", "text"),
+    [
+        (writing(0x60FF, 10), "another program has written the target 10, not 60, 0x60FF"),
+        (writing(0x6060, 1), "another program has put it into profile position"),
+    ],
+    ids=["target", "mode"],
+)
+def test_a_turning_drive_is_checked_for_commands_of_others(write: Frame, text: str) -> None:
+    with drive() as network:
+        axis = network[5].drive402
+        axis.velocity = 60
+        axis.check_turning(60)
+        network.devices[5].receive(write, network.master.clock())
+        network.sleep(0.1)
+        with pytest.raises(DriveError, match=text):
+            axis.check_turning(60)
+
+
+def test_a_move_into_a_limit_switch_ends_there_and_names_it() -> None:
+    with drive(travel=(-1, 1)) as network:
+        axis = network[5].drive402
+        begun = network.master.clock()
+        with pytest.raises(DriveError, match=r"internal limit active \(bit 11\): positive limit switch"):
+            axis.move_to(1_000_000)
+        assert network.master.clock() - begun < 20
+        assert axis.status.limit == "internal limit active (bit 11): positive limit switch"
+
+
+def test_a_move_past_a_software_limit_says_that_it_did_not_arrive() -> None:
+    with drive(given={(0x607D, 2): 500}) as network:
+        axis = network[5].drive402
+        with pytest.raises(DriveError, match=r"it stands at \d+, not at 9000; .* internal limit active"):
+            axis.move_to(9000)
 
 
 class Hindered(Leaving, SimulatedDrive):
