@@ -25,7 +25,8 @@ PROJECT = """\
     </CANopenObject>
   </CANopenObjectList>
   <other>
-    <file fileName="inputs" fileCreator="Somebody" fileCreationDate="2013-03-10" fileVersion="3"/>
+    <file fileName="inputs" fileCreator="Somebody" fileCreationDate="2013-03-10" fileCreationTime="17:05:00"
+        fileVersion="3"/>
     <DeviceIdentity><vendorName>Somebody</vendorName><productName>Inputs</productName></DeviceIdentity>
     <baudRate><supportedBaudRate value="250 Kbps"/></baudRate>
     <dummyUsage><dummy entry="Dummy0005=1"/></dummyUsage>
@@ -56,8 +57,8 @@ def test_a_disabled_object_is_left_out_and_said() -> None:
 
 
 def test_file_maker_and_bit_rates_are_read() -> None:
-    texts = {key: DOCUMENT.text("fileinfo", key) for key in ("filename", "fileversion", "createdby", "creationdate")}
-    assert [*texts.values()] == ["inputs", "3", "Somebody", "03-10-2013"]
+    keys = ("filename", "fileversion", "createdby", "creationdate", "creationtime")
+    assert [DOCUMENT.text("fileinfo", key) for key in keys] == ["inputs", "3", "Somebody", "03-10-2013", "05:05PM"]
     device = [DOCUMENT.text("deviceinfo", key) for key in ("vendorname", "baudrate_250", "baudrate_500")]
     assert device == ["Somebody", "1", "0"]
     assert DOCUMENT.text("dummyusage", "dummy0005") == "1"

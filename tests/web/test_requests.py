@@ -7,12 +7,14 @@ import json
 from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from eurobot_od.bus.live import open_bus
+from eurobot_od.frame import Frame
 from eurobot_od.web.desk import Desk
 from eurobot_od.web.jobs import Job, JobState
 from eurobot_od.web.requests import REQUESTS, Requests
@@ -146,6 +148,16 @@ def test_a_list_is_kept_by_name_read_again_and_removed(requests: Requests) -> No
     kept, rows, left = asyncio.run(all_of_it())
     assert (kept, left) == (["warm up"], [])
     assert rows == [{"send": "7FF#", "period": "60000 ms"}]
+
+
+def test_a_frame_sets_a_row_of_a_list_off(session: Session, tmp_path: Path) -> None:
+    desk = Desk(session, tmp_path, control=True)
+    rows = [{"send": "7FF#", "trigger": "123"}]
+    assert "ok" in asyncio.run(asked(Requests(desk), **(LIST | {"rows": rows})))
+    (begun,) = desk.running_lists
+    waiting = begun.running.next
+    session.first(Frame(0x123))
+    assert (waiting, begun.running.next <= session.now) == (inf, True)
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", ""], ids=["above the folder", "in a folder of it", "none"])

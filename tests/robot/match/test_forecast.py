@@ -123,6 +123,12 @@ def test_a_way_is_free_if_nobody_will_be_too_near(places: list[Point], is_free: 
     assert forecast(places).is_free(poses, now=1.0) is is_free
 
 
+@pytest.mark.parametrize(("share", "is_free"), [(1.0, False), (0.4, True), (0.0, True)])
+def test_who_has_waited_keeps_a_share_of_the_distances(share: float, is_free: bool) -> None:
+    poses = [Pose(600 + 30 * step, 1000, 0) for step in range(15)]
+    assert forecast(east(1500, 0.0)).is_free(poses, now=1.0, share=share) is is_free
+
+
 def test_a_robot_that_is_too_near_may_stand_or_drive_away() -> None:
     found = forecast(east(710, -50.0))  # it has come to 460, and drives on by what is said of it
     beside = Pose(760, 1000, 0)
