@@ -199,6 +199,20 @@ def test_a_recording_ends_by_itself_when_it_is_long(
     assert len((tmp_path / state["file"]).read_text().splitlines()) == 2
 
 
+def test_what_is_told_of_a_recording_is_shown(
+    bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    @contextmanager
+    def full(_: Path, tell: Callable[[str], object]) -> Iterator[Callable[[float, Frame], None]]:
+        tell("nothing is logged until there is room")
+        yield lambda *_: None
+
+    session, _ = bus
+    monkeypatch.setattr(module, "recording", full)
+    session.recording.start(tmp_path)
+    assert snapshot(session)["recording"]["trouble"] == "nothing is logged until there is room"
+
+
 def test_a_full_disk_ends_a_recording_and_nothing_else(
     bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
