@@ -69,8 +69,14 @@ def prepare(extras: str = "") -> Path:
             _install(extras)
         except KeyboardInterrupt:  # the next run goes on with what is there, or anew
             sys.exit(130)
-        stamp.write_text(wanted())
+        for each in {stamp, FOLDER / "installed-plain"}:  # what has extras has all else
+            each.write_text(wanted())
     return PYTHON
+
+
+def has(module: str) -> bool:
+    """Return whether the environment has a module."""
+    return any(FOLDER.glob(f"[Ll]ib/site-packages/{module}")) or any(FOLDER.glob(f"lib/*/site-packages/{module}"))
 
 
 def wanted() -> str:

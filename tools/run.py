@@ -9,9 +9,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from environment import ROOT, call, prepare
+from environment import ROOT, call, has, prepare
 
 PROGRAMS = ("eurobot-od", "canopen-workbench")
+
+NEEDED = {"serve": ("web", "aiohttp"), "remote": ("remote", "can_remote"), "--share": ("remote", "can_remote")}
+"""Words of a command that need an extra, and the module by which an environment has it."""
 
 
 def command(words: list[str]) -> tuple[str | Path, ...]:
@@ -20,7 +23,8 @@ def command(words: list[str]) -> tuple[str | Path, ...]:
         return prepare("bench"), ROOT / "tools" / "bench", *words[1:]
     program, *words = words if words[:1] and words[0] in PROGRAMS else [PROGRAMS[0], *words]
     # Not `python -m`, which imports from the folder that it is started in: there may be somebody's logs.
-    return prepare().with_name(program), *words
+    extras = {extra for word, (extra, module) in NEEDED.items() if word in words and not has(module)}
+    return prepare(",".join(sorted(extras))).with_name(program), *words
 
 
 if __name__ == "__main__":

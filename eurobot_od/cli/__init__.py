@@ -379,7 +379,7 @@ def _overview(robot: Plugin) -> ArgumentParser:
         return [f"  {name:{width}}  {text}" for name, text in commands.items()]
 
     ours = ["", f"{robot.name or 'device packages'}:", *listed(own)] if own else []
-    explained = f"`{program()} COMMAND --help` explains it. Without an adapter `node --share PORT` makes a bus."
+    explained = f"`{program()} COMMAND --help` explains it. Without an adapter `node NODE --share PORT` makes a bus."
     parser = Parser(
         program(),
         description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",

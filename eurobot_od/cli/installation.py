@@ -30,7 +30,7 @@ INDENT = len("interface  ")
 FOR_DEVELOPERS = ("test", "bench", "release")
 """Extras that are needed only to develop the program."""
 
-WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"
+WITHOUT = "`node NODE --share 54701` makes a bus that needs none (docs/hardware.md)"
 
 KINDS = {loading.ROBOTS.what: "robot     ", loading.DEVICES.what: "device    "}
 """Heads of the lines about plug-ins, by their kind."""

@@ -192,7 +192,7 @@ def node(
 
     It ends when its time is over, by an interrupt, or by the bus's failure; raises BusError, WorldError.
 
-    name: which of the devices (default: all of them, in one process)
+    name: a node of the robot, or which of the files' devices (default: all of these, in one process)
     duration: end after this time, such as 10 s
     on_error: what happens to a node that fails, after it was stopped (default: restart)
 
@@ -265,7 +265,9 @@ def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
     files = devices.files()
     if not files:
         if name is None:
-            raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
+            known = ", ".join(devices.robot.nodes)
+            one_of_these = f"Name one of {known}, or give" if known else "Give"
+            raise LocalError(f"which node? {one_of_these} a device's file with --eds")
         dictionary = devices.robot.dialects.load(name, devices.dialect, one.node_id)
         return LoadedDevice(dictionary)
     named = {each.name or Path(each.file).stem: each for each in files}

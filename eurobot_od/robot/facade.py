@@ -102,14 +102,33 @@ class Robot:
     def __exit__(self, *raised: Any) -> None:
         self._leaving.__exit__(*raised)
 
-    def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
+    def start_match(self, duration: float | None = None) -> None:
+        """Start the match; see `Core.start_match`."""
+        self.core.start_match(duration)
+
+    def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result | None:
         """Run a team's strategy, a coroutine that awaits the core's calls, and return its result.
 
-        Raises what it raises, and ProgramFailed if it hangs. Works in a notebook, too.
+        The end of the match, after `start_match`, ends it as well, and None is returned. Raises what it raises, and
+        ProgramFailed if it hangs. Works in a notebook, too.
         """
-        return apart(lambda: run(strategy(self.core)))
+        return apart(lambda: run(self._until_match_ends(strategy)))
 
-    async def play_async(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
+    async def _until_match_ends(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result | None:
+        """Await a strategy, and cancel it when the match ends."""
+        loop = asyncio.get_running_loop()
+        playing = asyncio.ensure_future(strategy(self.core))
+        self.core.at_match_end = lambda: loop.call_soon_threadsafe(playing.cancel)
+        try:
+            return await playing
+        except asyncio.CancelledError:
+            if self.core.match_over:
+                return None
+            raise
+        finally:
+            self.core.at_match_end = lambda: None
+
+    async def play_async(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result | None:
         """Run a strategy as `play` does, for a program with its own event loop, which goes on meanwhile."""
         return await asyncio.to_thread(self.play, strategy)
 

@@ -132,7 +132,7 @@ def test_a_node_id_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], n
 
 
 WRONG_USAGE = [
-    ([], "eurobot-od: which node? Name one of the robot's, or give a device's file with --eds"),
+    ([], "eurobot-od: which node? Name one of panel, lift, scale, or give a device's file with --eds"),
     (["engine"], "eurobot-od: unknown node 'engine'; known: lift, panel, scale"),
     (["lift", "--set", "Set point"], "eurobot-od node: error: argument --set: Set point: write OBJECT=VALUE"),
 ]

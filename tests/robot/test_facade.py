@@ -246,6 +246,32 @@ def test_the_robot_stands_after_a_goto_s_timeout(partners: Partners) -> None:
         until(lambda: not partners.drive.moving)
 
 
+def test_the_end_of_the_match_ends_the_strategy_and_the_robot_stands(partners: Partners) -> None:
+    ends: list[Outcome] = []
+
+    async def play(core: Core) -> None:
+        while True:
+            ends.append((await core.goto(*FAR[:4])).outcome)
+
+    with robot_on(partners) as robot:
+        robot.check_nodes()
+        robot.configure_start(TeamColour.RED)
+        robot.start_match(0.3)
+        robot.play(play)
+        assert robot.core.match_over
+    assert ends == []
+    assert partners.commands[-1] == StopDrive()
+
+
+def test_an_error_of_a_strategy_has_no_other_error_before_it(partners: Partners) -> None:
+    async def play(core: Core) -> None:
+        assert core.configuration is not None, "not configured"
+
+    with robot_on(partners) as robot, pytest.raises(AssertionError) as caught:
+        robot.play(play)
+    assert caught.value.__context__ is None
+
+
 def test_a_strategy_that_fails_leaves_a_robot_that_stands(partners: Partners) -> None:
     async def strategy(core: Core) -> None:
         await core.configure_start(TeamColour.RED)

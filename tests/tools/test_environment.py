@@ -13,6 +13,7 @@ from typing import Any
 
 import environment
 import pytest
+import run
 
 # A stand-in for pip in the new environment: it keeps what it is asked for, and fails if told to.
 PIP = """\
@@ -74,6 +75,30 @@ def test_the_lock_has_what_pyproject_names_and_no_path() -> None:
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
     names = {re.split(r"[^A-Za-z0-9_.-]", each)[0].lower() for each in wanted}
     assert names <= {each.partition("==")[0] for each in lines}
+
+
+@pytest.mark.parametrize(
+    ("words", "extras"),
+    [
+        (["canopen-workbench", "serve", "--control"], "[web]"),
+        (["serve", "-i", "remote", "-c", "ws://127.0.0.1:54701/"], "[remote,web]"),
+        (["node", "drive", "--share", "54701"], "[remote]"),
+        (["match"], ""),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, list) else each,
+)
+def test_a_command_gets_the_extras_that_it_needs(checkout: Checkout, words: list[str], extras: str) -> None:
+    program, *_ = run.command(words)
+    assert Path(program).name in run.PROGRAMS
+    assert checkout.installed() == [f"{checkout.root}{extras}"]
+    run.command(["match"])
+    assert len(checkout.installed()) == 1
+
+
+def test_an_extra_that_is_there_is_not_installed(checkout: Checkout) -> None:
+    (next(environment.FOLDER.rglob("site-packages")) / "aiohttp").mkdir()
+    run.command(["serve"])
+    assert checkout.installed() == [str(checkout.root)]
 
 
 def test_sets_up_once(checkout: Checkout) -> None:

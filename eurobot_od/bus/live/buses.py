@@ -12,7 +12,7 @@ import logging
 import socket
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -119,6 +119,7 @@ def open_bus(
         raise BusError(f"cannot open the {interface} bus {channel or ''}: {ONLY_LINUX}; {INSTEAD}")
     asked = {"interface": interface, "channel": channel, "bitrate": bitrate}
     given = {key: value for key, value in asked.items() if value is not None} | options
+    config: Mapping[str, Any] = given
     try:
         said = _named(given)
         # Our default channel is only for our default interface.
@@ -130,14 +131,15 @@ def open_bus(
         LIVE_LOG.info("%s is open", bus.channel_info)
         return bus
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
-        name = f"{interface or 'configured'} bus {channel or ''}".strip()
+        kind, at = (str(config.get(key) or "") for key in ("interface", "channel"))
+        name = " ".join(filter(None, ("" if interface else "configured", kind, "bus", at)))
         is_linux = interface == SOCKETCAN
         helps = remedy(_number(error), str(channel)) if is_linux else driver_remedy(interface, error)
         if not helps and _number(error) == errno.ENOENT:  # no such serial port
             helps = "`doctor` lists what is here"
         why = _with_remedy(error, helps)
-        if interface == "remote" and _number(error) == errno.ECONNREFUSED:
-            why += "; nobody shares a bus there: `node --share PORT` does, in another terminal"
+        if config.get("interface") == "remote" and _number(error) == errno.ECONNREFUSED:
+            why += "; nobody shares a bus there: `node NODE --share PORT` does, in another terminal"
         if interface is not None and interface not in BACKENDS:
             unknown = str(UnknownName("interface", interface, sorted(BACKENDS)))
             why = extras.missing(f"interface {interface}", interface) if interface in extras.brought() else unknown

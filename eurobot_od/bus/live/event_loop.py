@@ -108,7 +108,10 @@ def apart(function: Callable[[], Result]) -> Result:
     """
     try:
         asyncio.get_running_loop()
+        is_running = True
     except RuntimeError:
+        is_running = False
+    if not is_running:  # not in the handler above, whose error would be the context of the function's
         return function()
     called: Future[Result] = Future()
 

@@ -65,7 +65,10 @@ class NodeOptions:
             if self.strategy and self._has(option):
                 raise LocalError(f"--strategy and --{option} do not go together")
         if self.strategy and not self.world:
-            raise LocalError("--strategy goes with --world only: a match is played in a world")
+            raise LocalError(
+                "--strategy goes with --world only; with a real drive and navigation a program plays it: "
+                "docs/real-robot.md"
+            )
 
     def _has(self, option: str) -> bool:
         """Return whether an option is given."""

@@ -27,11 +27,11 @@ from eurobot_od.bus.simulated.network import Simulation, processing_time
 from eurobot_od.controller import Report
 from eurobot_od.device.objects import MemoryStore
 from eurobot_od.device.timers import Result
-from eurobot_od.errors import LocalError, ProgramFailed, UnknownName, WorldError
+from eurobot_od.errors import BusError, LocalError, ProgramFailed, UnknownName, WorldError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import all_objects, given
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import ERROR_CONTROL_BASE, Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugins
 from eurobot_od.robot.match import strategy as shipped
@@ -288,15 +288,18 @@ def play_live(
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node and the watcher get a bus of their own from `open_bus`.
 
-    The bus's load is computed for `bit_rate`, in bit/s. Raises BusError, NoAnswer, UnknownName, FileError, LocalError.
+    The bus's load is computed for `bit_rate`, in bit/s. Raises BusError, also if one of the nodes is on the bus
+    already, NoAnswer, UnknownName, FileError, LocalError.
     """
+    files = EdsFiles.read(options)
+    _refuse_others(open_bus, files.dictionaries.values())
     begin = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begin
 
     world = World(options, clock)
-    match = Performance(options, EdsFiles.read(options), world, show, watch)
+    match = Performance(options, files, world, show, watch)
     reports: list[Report] = []
     with ExitStack() as stack:
         sigterm = stack.enter_context(EndedBySigterm())
@@ -310,6 +313,21 @@ def play_live(
             run_in(loop, match.play(strategy, bit_rate, "in real time"))
     summary = match.result(clock(), bit_rate, reports)
     return replace(summary, failure=summary.failure or watchdog.hang or None), world
+
+
+PRESENCE = 1.1
+"""Time for which a bus is heard before a match in real time, in s: longer than the period of the nodes' heartbeats."""
+
+
+def _refuse_others(open_bus: Callable[[], can.BusABC], nodes: Iterable[Dictionary]) -> None:
+    """Check that none of the nodes has a heartbeat on the bus; raises BusError."""
+    heard: set[int] = set()
+    with runtime.FrameReader(open_bus(), lambda _, frame: heard.add(frame.cob_id), time.monotonic):
+        time.sleep(PRESENCE)
+    there = [each.name for each in nodes if ERROR_CONTROL_BASE + each.node_id in heard]
+    if there:
+        what = f"{', '.join(there)}: on this bus already, and `match` brings its own"
+        raise BusError(f"{what}; a program plays a strategy with those that are there: docs/real-robot.md")
 
 
 # A match that a core leads in a process of its own

@@ -205,8 +205,17 @@ def test_bus_that_does_not_open_is_told_in_one_line(given: dict[str, Any], told:
 
 def test_a_shared_bus_that_nobody_shares_says_what_shares_one() -> None:
     pytest.importorskip("can_remote", reason="the extra `remote` is not installed")
-    with pytest.raises(BusError, match="nobody shares a bus there: `node --share PORT` does"):
+    with pytest.raises(BusError, match="nobody shares a bus there: `node NODE --share PORT` does"):
         open_bus("remote", f"ws://127.0.0.1:{free_port()}/")
+
+
+def test_a_configured_bus_that_does_not_open_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("can_remote", reason="the extra `remote` is not installed")
+    channel = f"ws://127.0.0.1:{free_port()}/"
+    monkeypatch.setenv("CAN_INTERFACE", "remote")
+    monkeypatch.setenv("CAN_CHANNEL", channel)
+    with pytest.raises(BusError, match=f"cannot open the configured remote bus {channel}: .*; nobody shares a bus"):
+        open_bus()
 
 
 @pytest.mark.parametrize(("name", "value"), [("CAN_CONFIG", "{"), ("CAN_INTERFACE", "nosuch")])

@@ -203,7 +203,8 @@ WORLD = ["--world", "127.0.0.1:9"]
         (
             ["node", "core", "--strategy", "shipped"],
             2,
-            "--strategy goes with --world only: a match is played in a world",
+            "--strategy goes with --world only; with a real drive and navigation a program plays it: "
+            "docs/real-robot.md",
         ),
         (["node", "drive", "--strategy", "shipped", *WORLD], 2, "--strategy is for the core, not for the drive"),
         (

@@ -14,6 +14,7 @@ import pytest
 from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.client.configure import Configured, configure
 from eurobot_od.client.description import scan
+from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice
@@ -23,7 +24,7 @@ from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, stage
 from eurobot_od.robot.match.referee import Observer, Referee
-from eurobot_od.robot.nodes import Core, Node
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import Timeline
 from tests.client.peers import master_on, new_channel, open_bus
@@ -31,6 +32,7 @@ from tests.client.peers import master_on, new_channel, open_bus
 NOW = datetime(2014, 5, 28, 12, 0)
 SHORT = MatchOptions(duration=2.5, falling=False, settings=(("core.Position polling.Start delay", "0"),))
 MOVED = 0x018
+CORE_HEARTBEAT = 0x701
 FEW_RESERVED = 0x20000602
 
 
@@ -56,6 +58,18 @@ def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
         (2, "Eurobot 2014 drive"),
         (3, "Eurobot 2014 navigation"),
     ]
+
+
+def test_a_match_is_not_played_beside_a_drive_that_is_on_the_bus() -> None:
+    channel = new_channel()
+    frames: list[Frame] = []
+    with ExitStack() as stack:
+        for role, kind in (("drive", Drive), ("navigation", Navigation)):
+            stack.enter_context(Live.node(open_bus(channel), kind(dialects.load(role))))
+        stack.enter_context(FrameReader(open_bus(channel), lambda _, frame: frames.append(frame), time.monotonic))
+        with pytest.raises(BusError, match=r"^drive, navigation: on this bus already, and `match` brings its own; "):
+            stage.play_live(SHORT, lambda _: None, lambda *_: None, lambda: open_bus(channel))
+    assert not any(frame.cob_id == CORE_HEARTBEAT for frame in frames)
 
 
 def goto_changes(node: Node) -> dict[Address, Value]:
