@@ -18,7 +18,7 @@ import typing
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
@@ -26,7 +26,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import label
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.kinds import ColumnForm, Message
+from eurobot_od.pdo.kinds import ColumnForm, Kind, Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
@@ -159,9 +159,20 @@ def stop_message(panels: Sequence[type[Panel]]) -> str:
     return next((each.stop for each in panels if each.stop), "")
 
 
-def values(meaning: Meaning) -> list[Any] | None:
-    """Return a message's values for the page (numbers, words, None for unknown); None if it is not a message."""
-    if meaning.message is None:
+Fields: TypeAlias = Mapping[str, Kind]
+
+
+def fields_of(decoder: Decoder) -> dict[int | Damage, Fields]:
+    """Return the fields of each message as `described`, by COB-ID."""
+    return {each.cob_id: each.kinds for each in decoder.protocol.bindings}
+
+
+def values(meaning: Meaning, known: Mapping[int | Damage, Fields]) -> list[Any] | None:
+    """Return a message's values for the page (numbers, words, None for unknown).
+
+    None if it is not a message, or one whose fields are not `known`: its device maps it differently by now.
+    """
+    if meaning.message is None or meaning.kinds != known.get(meaning.raw[0]):
         return None
     return [kind.plain(value) for kind, value in zip(meaning.kinds.values(), meaning.message)]
 
@@ -220,12 +231,13 @@ class _Row:
         self.wrong: dict[int, str] = {}
         self.bits = 0
 
-    def take(self, number: int, time: float, meaning: Meaning) -> None:
-        found = values(meaning)
+    def take(self, number: int, time: float, meaning: Meaning, known: Mapping[int | Damage, Fields]) -> None:
+        found = values(meaning, known)
         self.numbers.append(number)
         self.data.append(hex_of(meaning))
-        if meaning.message is None:
-            self.texts.append(meaning.text)
+        if found is None:
+            # A row has no texts until a frame needs one.
+            self.texts += [*[""] * (len(self.times) - len(self.texts)), meaning.text]
         elif self.texts:  # earlier frames of this message could not be read
             self.texts.append("")
         self.times.append(round(time, DIGITS))
@@ -239,8 +251,7 @@ class _Row:
         # A frame that could not be read has no values: its places are filled up.
         width = max(map(len, self.values))
         padded = ([*each, *[None] * (width - len(each))] for each in self.values)
-        texts = [""] * (len(self.times) - len(self.texts)) + self.texts if self.texts else []
-        columns = {"values": list(zip(*padded)), "texts": texts, "bits": self.bits / len(self.times)}
+        columns = {"values": list(zip(*padded)), "texts": self.texts, "bits": self.bits / len(self.times)}
         return row_data(self._row) | picked(self, "times", "numbers", "data", "wrong") | columns
 
 
@@ -261,6 +272,7 @@ class Columns:
         self.name = name
         self.bitrate = bitrate
         self._decoder = decoder
+        self._known = fields_of(decoder)
         self.left_out = 0
         self.start = start
         self._end = 0.0
@@ -286,7 +298,7 @@ class Columns:
         row = self._rows.get(raw[0])
         if row is None:
             row = self._rows[raw[0]] = _Row(meaning, raw.cob_id if isinstance(raw, Frame) else None)
-        row.take(number, now, meaning)
+        row.take(number, now, meaning, self._known)
         self.note(number, now, meaning)
         if meaning.message is not None:
             for panel in self._panels:

@@ -33,7 +33,19 @@ from eurobot_od.traffic.meaning import Decoder, wrong
 from eurobot_od.traffic.monitor import BusSource, NodeHealth, Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.events import BusEvents, PageEvent
-from eurobot_od.web.page import DIGITS, Panel, described, event_data, hex_of, key_of, page, picked, row_data, values
+from eurobot_od.web.page import (
+    DIGITS,
+    Panel,
+    described,
+    event_data,
+    fields_of,
+    hex_of,
+    key_of,
+    page,
+    picked,
+    row_data,
+    values,
+)
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -284,6 +296,7 @@ class Session:
         diagnosis: Diagnosis | None = None,
     ) -> None:
         self.decoder = decoder
+        self._known = fields_of(decoder)
         self.bitrate = bitrate
         self.learned = 0
         self.diagnosis = diagnosis or Diagnosis(decoder, bit_rate=bitrate)
@@ -366,6 +379,7 @@ class Session:
         new = [each for each in decoder.dictionaries if (each.node_id, each.file) not in known]
         if new:
             self.decoder, self.learned = decoder, self.learned + 1
+            self._known = fields_of(decoder)
             self._watch.learn(decoder)
             there = set(map(type, self.panels))
             self.panels += [panel() for panel in self._panels_of(decoder) if panel not in there]
@@ -384,7 +398,8 @@ class Session:
                 for tap in self._taps:
                     tap.give(raw, now)
             self.recording.write(now, raw)
-        shown = [key_of(counted), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, wrong(meaning)]
+        said = values(meaning, self._known)
+        shown = [key_of(counted), round(now, DIGITS), hex_of(meaning), said, meaning.text, wrong(meaning)]
         self.history.add(COMPACT(shown))
         for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
@@ -452,7 +467,11 @@ class Session:
             return text
         period = row.period if len(row.times) > FEW else None  # one interval is not a period
         times = {"period": period and round(period.mean, 6), "jitter": period and round(period.jitter, 6)}
-        last = {"time": round(row.last, DIGITS), "data": hex_of(row.meaning), "values": values(row.meaning)}
+        last = {
+            "time": round(row.last, DIGITS),
+            "data": hex_of(row.meaning),
+            "values": values(row.meaning, self._known),
+        }
         words = {"text": row.meaning.text, "defects": wrong(row.meaning)}
         data = row_data(row) | picked(row, "count", "wrong") | times | last | words
         self._written[key] = row.count, json.dumps(data)

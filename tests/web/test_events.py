@@ -16,6 +16,11 @@ from eurobot_od.web.events import BusEvents, PageEvent
 from tests.client.servo import EDS
 from tests.web.test_drives import NETWORK
 
+REMAPPED = [
+    *("605#2F011A0000000000", "585#60011A0000000000"),
+    *("605#23011A0120006460", "585#60011A0100000000"),
+    *("605#2F011A0001000000", "585#60011A0000000000"),
+]
 READ, ENABLED = "605#4041600000000000", "585#4B41600037060000"
 
 
@@ -72,9 +77,7 @@ def test_only_a_further_axis_is_named() -> None:
 
 
 def test_a_pdo_that_is_mapped_otherwise_now_tells_no_state() -> None:
-    remapped = ["605#2F011A0000000000", "585#60011A0000000000", "605#23011A0120006460", "585#60011A0100000000",
-        "605#2F011A0001000000", "585#60011A0000000000"]  # fmt: skip
-    assert [each for each in events("285#370600000000", *remapped, "285#18060000") if each.kind == "drive"] == []
+    assert [each for each in events("285#370600000000", *REMAPPED, "285#18060000") if each.kind == "drive"] == []
 
 
 def test_nodes_are_lost_and_back() -> None:

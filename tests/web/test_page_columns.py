@@ -9,12 +9,15 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import Message
+from eurobot_od.traffic.decoding import TrackingDecoder
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.web import page
 from eurobot_od.web.events import PageEvent
 from eurobot_od.web.page import Columns, Panel
 from tests.kit import plant
 from tests.kit.plant import messages as m
+from tests.web.test_drives import NETWORK
+from tests.web.test_events import REMAPPED
 
 DECODER = plant.decoder()
 MOVE = DECODER.protocol.encode(m.MoveTo(1000, 500, 90, 80))
@@ -90,3 +93,12 @@ def test_events_are_services_and_what_panels_make_of_messages() -> None:
 def test_frames_beyond_the_limit_of_the_page_are_left_out_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, "MOST_FRAMES", 3)
     assert data_of(*((float(time), HERE) for time in range(5)))["left_out"] == 2
+
+
+def test_frames_that_are_mapped_otherwise_now_have_a_text_in_place_of_values() -> None:
+    following, found = TrackingDecoder(NETWORK), Columns("log", NETWORK, 500_000)
+    for time, text in enumerate(["285#370600000000", *REMAPPED, "285#40E20100"]):
+        found.take(time, following(time, "", Frame.parse(text)))
+    remapped = row(found.data(), "servo.TPDO2")
+    assert [each[1] for each in remapped["values"]] == [None] * len(remapped["values"])
+    assert remapped["texts"] == ["", "position_actual_value=123456"]

@@ -30,7 +30,8 @@ from tests.kit import plant
 from tests.kit.library import PRODUCT, REVISION, VENDOR, device_text, library_of
 from tests.kit.plant import messages as m
 from tests.web.scene import channel
-from tests.web.test_drives import bench
+from tests.web.test_drives import NETWORK, bench
+from tests.web.test_events import REMAPPED
 
 BEAT, NMT = Frame(0x702, b"\x05"), Frame(0x000, b"\1\2")
 
@@ -346,6 +347,23 @@ def test_the_history_is_bounded_and_says_where_it_begins(monkeypatch: pytest.Mon
     assert (late.first, late.frames[0], len(late.frames)) == (30, "30", 10)
     assert history.since(late.next).frames[0] == "40"
     assert history.since(53) == (53, [])
+
+
+def test_a_message_that_is_mapped_otherwise_now_has_a_text_in_place_of_values() -> None:
+    name = channel()
+    session = Session(partial(open_bus, "virtual", name), NETWORK, 500_000)
+    with open_bus("virtual", name) as other:
+        for text in ("285#370600000000", *REMAPPED, "285#40E20100"):
+            before = session.frames
+            Driver(other).send(Frame.parse(text))
+            while session.frames == before:
+                session.poll()
+    (shown,) = (each for each in snapshot(session)["rows"] if each["id"] == 0x285)
+    first, *_, last = map(json.loads, session.history.since(0).frames)
+    session.close()
+    assert (shown["values"], shown["text"]) == (None, "position_actual_value=123456")
+    assert first[3] is not None
+    assert last[3:5] == [None, "position_actual_value=123456"]
 
 
 class View(Marking):

@@ -35,7 +35,7 @@ class Row {
   append(time, values, text) {              // live: a frame
     this.times.push(Math.max(time, this.times.at(-1) ?? time));  // in order, also when the adapter's clock is set
     this.columns.forEach((column, field) => column.push(values ? values[field] : null));
-    if (!this.fields.length) this.texts.push(text);
+    this.texts.push(values ? "" : text);
     if (this.times.length > SAMPLES) [this.times, this.texts, ...this.columns].forEach(each => each.splice(0, SAMPLES / TRIMMED));
   }
   now(time) {                               // what is shown of it at a time, null before its first frame
