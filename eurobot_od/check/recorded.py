@@ -1,8 +1,8 @@
-"""Makes a suite from a part of a log: a node's SDO requests, its answers, and what it sent by itself.
+"""Makes a suite from a part of a log: a node's SDO requests, its answers, its RPDOs, and what it sent by itself.
 
-Between two commands (a write, an NMT command), the reads of each object become one step with the range of the values.
-At the end of the suite come the node's periodic PDOs and its heartbeat, with their periods, and the ranges of the
-fields.
+Between two commands (a write, an NMT command, an RPDO with other data), the reads of each object become one step with
+the range of the values. At the end of the suite come the node's periodic PDOs and its heartbeat, with their periods,
+and the ranges of the fields.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import yaml
 
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import LocalError, look_up
+from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import at
@@ -58,7 +59,7 @@ class _Reads:
 
 
 class _Order(NamedTuple):
-    """A write, NMT command or boot-up: the step for it, and the time since the one before, in s."""
+    """A write, NMT command, RPDO or boot-up: the step for it, and the time since the one before, in s."""
 
     step: dict[str, Any]
     name: str
@@ -71,6 +72,9 @@ class RecordedNode:
     def __init__(self, device: Dictionary, decoder: Decoder) -> None:
         self._device = device
         self._bindings = {each.cob_id: each for each in decoder.protocol.bindings if device.name in each.senders}
+        told = (each.cob_id for each in decoder.protocol.bindings if device.name in each.receivers)
+        self._told: dict[int, Frame | None] = dict.fromkeys(told)
+        """Identifiers of the PDOs that it receives, each with the last frame."""
         self._heartbeat = ERROR_CONTROL_BASE + device.node_id
         self._parts: list[_Reads | _Order] = [_Reads()]
         self._times: dict[int, list[float]] = {}
@@ -88,6 +92,10 @@ class RecordedNode:
             self._commanded(time, int(raw[1][0]))
         elif raw[0] == self._heartbeat and raw[1]:
             self._heard(time, int(raw[1][0]))
+        elif raw[0] in self._told and isinstance(raw, Frame) and not raw.is_remote:
+            if raw != self._told[raw[0]]:  # the same once more tells it nothing
+                self._told[raw[0]] = raw
+                self._order(time, {"send": {"raw": str(raw)}}, f"{meaning.name}: {meaning.text}")
         elif meaning.message is not None and raw[0] in self._bindings:
             self._times.setdefault(raw[0], []).append(time)
             self._values.setdefault(raw[0], []).append(meaning.message)
@@ -95,11 +103,11 @@ class RecordedNode:
     def _transferred(self, time: float, transfer: SdoTransfer) -> None:
         if transfer.address is None or (transfer.content is None and transfer.aborted is None):
             return
-        if not transfer.is_upload:
+        if not transfer.is_upload and transfer.content is not None:
             thing = self._thing(transfer.address)
-            said = _refusal(transfer) or _given(thing, transfer.content or b"", "value")
+            said = _given(thing, transfer.content, "value") | _refusal(transfer)
             self._order(time, {"sdo": {"write": self._label(transfer.address), **said}}, thing.qualname)
-        elif isinstance(self._parts[-1], _Reads):
+        elif transfer.is_upload and isinstance(self._parts[-1], _Reads):
             self._parts[-1].take(transfer)
             self._last = time
 
@@ -206,7 +214,9 @@ PLAIN = re.compile(r"-?[0-9A-Za-z][0-9A-Za-z_. -]*")
 def _flow(value: Any) -> str:
     """Return a value as YAML on one line; numbers are not changed, so hexadecimal ones stay hexadecimal."""
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{_flow(key)}: {_flow(each)}' for key, each in value.items())}}}"
+        # Bytes without a letter would be a number.
+        said = {_flow(key): json.dumps(each) if key == "data" else _flow(each) for key, each in value.items()}
+        return f"{{{', '.join(f'{key}: {each}' for key, each in said.items())}}}"
     written = str(value)
     return written if PLAIN.fullmatch(written) else json.dumps(written, ensure_ascii=False)
 

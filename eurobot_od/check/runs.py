@@ -73,7 +73,7 @@ def run_options(
 
 @dataclass(frozen=True)
 class OnBus:
-    """Runs suites on the bus that `open_bus` opens; of `is_made` see SuiteRunner.
+    """Runs suites on the bus that `open_bus` opens, `bus` in words; of `is_made` see SuiteRunner.
 
     Of each suite only the steps are run that have one of the texts of `steps` in their name; empty: all.
     """
@@ -81,10 +81,11 @@ class OnBus:
     open_bus: Callable[[], can.BusABC]
     is_made: bool = False
     steps: Sequence[str] = ()
+    bus: str = ""
 
     def how(self, _: int) -> str:
         """Return for reports how suites are run."""
-        return "on the bus"
+        return f"on the bus {self.bus}".strip()
 
     def skips(self, _: Suite) -> str:
         """Return an empty text: on a bus no suite is skipped."""

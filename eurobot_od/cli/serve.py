@@ -217,9 +217,14 @@ class ServedPage:
     named: Sequence[str] = ()
 
     def begin(self) -> None:
-        """Serve the start page, then what was chosen there, repeatedly."""
+        """Serve the start page, then what was chosen there, repeatedly; a choice that fails leads back to it."""
         while (choice := asyncio.run(self._chosen())) is not None:
-            if not asyncio.run(self._show(choice)):
+            try:
+                goes_on = asyncio.run(self._show(choice))
+            except (EurobotError, OSError) as error:
+                goes_on = True
+                complain(str(error))
+            if not goes_on:
                 return
 
     async def _chosen(self) -> Choice | None:
@@ -229,9 +234,13 @@ class ServedPage:
         def try_bus(choice: BusChoice) -> None:
             BusOptions(interface=choice.interface, channel=choice.channel, bitrate=choice.bit_rate).open().shutdown()
 
+        def try_log(file: Path) -> None:
+            next(entries([str(file)], self.reading, is_watched=False), None)
+
         # A user of this machine's own address could run the command as well.
         may_act = self.control or not self.server.rules.token
-        start = StartPage(self.devices.known_library, self.folder or Path(), may_act, try_bus, self._last_bus())
+        known, folder = self.devices.known_library, self.folder or Path()
+        start = StartPage(known, folder, may_act, try_bus, try_log, self._last_bus())
         await self.server.serve(start.page, posts={"/start": start.answer}, until=start.chosen)
         return start.choice
 
@@ -334,6 +343,7 @@ class ServedPage:
             devices.known_library,
             networks,
             version(),
+            "simulated by the page" if bus == SIMULATED else bus.words,
             plugins.procedure,
             lambda each: plugins.for_identity(each).address,
         )
@@ -366,19 +376,22 @@ def _leaving(can_leave: bool) -> tuple[asyncio.Event, Mapping[str, Post]]:
     return left, {"/leave": leave} if can_leave else {}
 
 
+SIMULATED = BusOptions(interface="virtual", channel="simulated")
+"""The bus of simulated devices."""
+
+
 @contextmanager
 def _simulated(devices: Devices, choice: SimulatedChoice) -> Iterator[BusOptions]:
     """Run simulated devices of the library on a bus of this process, and yield the bus."""
     from eurobot_od.bus.live import Live, open_bus
     from eurobot_od.device.profiles import simulated_kind
 
-    bus = BusOptions(interface="virtual", channel="simulated")
     with ExitStack() as stack:
         for path, node_id in choice.devices:
             device = devices.worded(Dictionary.load(path, node_id))
             kind = devices.plugins.kind(device, otherwise=simulated_kind(device))
-            stack.enter_context(Live.node(open_bus(bus.interface, bus.channel), kind(device)))
-        yield bus
+            stack.enter_context(Live.node(open_bus(SIMULATED.interface, SIMULATED.channel), kind(device)))
+        yield SIMULATED
 
 
 # Logs

@@ -69,7 +69,7 @@ class SdoTransfer(NamedTuple):
 
     `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
     end in the log it is not `whole`. `end` is that of its requests; `address` is None if its beginning is missing, and
-    `content` if not all of it came, or too much to keep.
+    `content` if not all of it came, or too much to keep; a write that was refused has it as well.
     """
 
     object: str
@@ -96,7 +96,7 @@ class SdoTransfer(NamedTuple):
         said["size"] = self.size
         if self.address is not None:
             said |= {"index": self.address[0], "subindex": self.address[1]}
-            if self.content is not None:
+            if self.content is not None and self.aborted is None:
                 said |= services.content_fields(self.end and self.end.dictionary, self.address, self.content)
         return said if self.aborted is None else said | services.abort_fields(self.aborted)
 

@@ -123,7 +123,7 @@ class NodesHealth:
         """Process the meaning of a frame."""
         if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
             self._note(time, meaning)
-        if (ended := meaning.transfer) and ended.address == HEARTBEAT_TIME and ended.content:
+        if (ended := meaning.transfer) and ended.address == HEARTBEAT_TIME and ended.content and ended.aborted is None:
             self._note_period(time, meaning.nodes[0], int.from_bytes(ended.content, "little") / 1000)
 
     def _note_period(self, time: float, node: str, period: float) -> None:

@@ -152,7 +152,9 @@ class Running:
     def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
         """Return the finished transfer, for statistics."""
         seconds = time - self.began
-        kept = is_whole and aborted is None and not self.lost and self.size <= KEPT
+        # Of a refused write in one frame all bytes were there, too.
+        came = aborted is None or (not self.is_upload and self.how is How.EXPEDITED)
+        kept = is_whole and came and not self.lost and self.size <= KEPT
         way = self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
         return SdoTransfer(*way, self.end, self.address, bytes(self.content) if kept else None)
 

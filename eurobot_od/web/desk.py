@@ -58,7 +58,8 @@ class SentList:
 class Equipment(NamedTuple):
     """What whoever starts the page gives it: the user's `library` of device files, and what plug-ins know.
 
-    `networks` are those that suites may be for; `made_by` is the program and its version, for reports.
+    `networks` are those that suites may be for. For reports, `made_by` is the program and its version, and `bus` is the
+    bus in words.
     `procedure` returns how the device with an identity takes a program, and raises LocalError for one that it refuses;
     `address` its maker's procedure that sets its node-ID, None for LSS.
     """
@@ -66,6 +67,7 @@ class Equipment(NamedTuple):
     library: Library = Library(())
     networks: Networks = Networks(lambda _: Path())
     made_by: str = ""
+    bus: str = ""
     procedure: Callable[[Sequence[int], bytes, bool], DownloadProcedure] = lambda *_: STANDARD
     address: Callable[[Identity], Addressing | None] = lambda _: None
 

@@ -57,7 +57,8 @@ Choice = BusChoice | SimulatedChoice | LogChoice | FilesChoice
 class StartPage:
     """The page and its requests; `library` has the devices, `folder` what is kept.
 
-    `try_bus` opens a bus and lets go of it; raises BusError. `last` is the bus of the last time, which is offered.
+    `try_bus` opens a bus and lets go of it; raises BusError. `try_log` reads the beginning of a log; raises LocalError.
+    `last` is the bus of the last time, which is offered.
     Only if it `may_act` is anything done for a browser.
     """
 
@@ -67,12 +68,14 @@ class StartPage:
         folder: Path,
         may_act: bool,
         try_bus: Callable[[BusChoice], None],
+        try_log: Callable[[Path], None],
         last: BusChoice | None = None,
     ) -> None:
         self.library = library
         self.folder = folder
         self._may_act = may_act
         self._try_bus = try_bus
+        self._try_log = try_log
         self._last = last
         self.uploads: dict[object, dict[str, bytearray]] = defaultdict(dict)
         self.choice: Choice | None = None
@@ -158,13 +161,24 @@ def simulate(start: StartPage, said: Arguments) -> None:
 
 
 def open_log(start: StartPage, said: Arguments) -> None:
-    """Choose a log: one that was sent, or one of the folder."""
+    """Choose a log: one that was sent, or one of the folder; raises LocalError if it is none."""
     if "file" in said:
         name, content = files.sent_file(start, said)
-        write_whole(start.folder / name, content)
+        file = start.folder / name
+        if file.exists() and file.read_bytes() != content:
+            raise LocalError(f"{name} is in the folder already, with another content: rename one of them")
+        is_new = not file.exists()
+        write_whole(file, content)
     else:
         name = look_up("log", text_of(said, "log"), dict.fromkeys(logs(start, said), text_of(said, "log")))
-    start.choice = LogChoice(start.folder / name)
+        file, is_new = start.folder / name, False
+    try:
+        start._try_log(file)
+    except LocalError:
+        if is_new:
+            file.unlink()
+        raise
+    start.choice = LogChoice(file)
 
 
 def edit(start: StartPage, _: Arguments) -> None:

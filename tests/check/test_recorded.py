@@ -36,11 +36,16 @@ def recorded() -> list[tuple[float, str, Frame]]:
             node[name].value  # noqa: B018 (it is read)
         with pytest.raises(NodeRefused):
             network.master.node(NODE_ID).upload((0x5000, 0))
+        with pytest.raises(NodeRefused):
+            network.master.node(NODE_ID).download((0x1008, 0), b"A")
         network.master.node(NODE_ID).command(NmtCommand.START)
         network.sleep(2.0)
         node["Motor.Target speed"].value = 1500
         network.sleep(2.0)
         node["Motor.Target speed"].value  # noqa: B018
+        for speed in (700, 700, 900):
+            network.send(0x205, speed.to_bytes(2, "little"))
+            network.sleep(0.5)
     return log
 
 
@@ -68,10 +73,19 @@ def test_a_recorded_suite_has_objects_and_values_in_words() -> None:
     assert lines[:4] == ["spec: 1", "name: as it was", "node: motor", "steps:"]
     assert "  - sdo: {read: 0x2100, expect: 20.0}  # Temperature" in lines
     assert """  - sdo: {read: "0x5000:0", abort: 0x06020000}""" in lines
+    assert """  - sdo: {write: 0x1008, data: "41", abort: 0x06010002}  # Manufacturer device name""" in lines
     assert "  - nmt: start" in lines
     assert """  - sdo: {write: "0x2000:3", value: 1500}  # Motor.Target speed""" in lines
     assert any(line.startswith("  - period: {message: {heartbeat: operational}, every: 500 ms") for line in lines)
     assert any(line.startswith("  - period: {message: {motor.TPDO1:") for line in lines)
+
+
+def test_an_rpdo_is_sent_again_when_its_data_changed() -> None:
+    told = [line for line in suite_of(DECODER, "motor", LOG, "as it was").splitlines() if "send:" in line]
+    assert told == [
+        """  - send: {raw: "205#BC02"}  # motor.RPDO1: target_speed=700""",
+        """  - send: {raw: "205#8403"}  # motor.RPDO1: target_speed=900""",
+    ]
 
 
 def test_a_recorded_field_has_the_range_of_its_values_or_the_one_that_it_had() -> None:

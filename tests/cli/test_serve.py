@@ -11,8 +11,10 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from eurobot_od.cli.serve import bus_name, told_apart
+from eurobot_od.cli.serve import ServedPage, bus_name, told_apart
+from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
+from eurobot_od.web.start import FilesChoice
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
 
@@ -152,3 +154,18 @@ def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
 )
 def test_the_title_of_the_page_names_its_bus(interface: str | None, channel: str | None, name: str) -> None:
     assert bus_name(interface, channel) == name
+
+
+def test_a_choice_that_cannot_be_shown_leads_back_to_the_first_page(capsys: pytest.CaptureFixture[str]) -> None:
+    class Chosen(ServedPage):
+        def __init__(self) -> None:
+            self.left = [FilesChoice(), FilesChoice()]
+
+        async def _chosen(self) -> FilesChoice | None:
+            return self.left.pop() if self.left else None
+
+        async def _show(self, choice: object) -> bool:
+            raise LocalError("it cannot be opened")
+
+    Chosen().begin()
+    assert capsys.readouterr().err.count("it cannot be opened\n") == 2

@@ -242,7 +242,7 @@ def first_page(folder: Path) -> Iterator[str]:
 
     (folder / "devices").mkdir()
     (folder / "run.log").write_text("(1.000000) can0 181#00\n")
-    start = StartPage(Library([folder / "devices"]), folder, True, refuse)
+    start = StartPage(Library([folder / "devices"]), folder, True, refuse, lambda _: None)
     with ExitStack() as stack:
         yield stack.enter_context(serving(start.page, posts={"/start": start.answer}))
 

@@ -27,10 +27,15 @@ def refused(choice: BusChoice) -> None:
         raise BusError(f"cannot open {choice.interface}")
 
 
+def tried(log: Path) -> None:
+    if b"#" not in log.read_bytes():
+        raise LocalError(f"{log.name}: not a known log")
+
+
 @pytest.fixture
 def start(tmp_path: Path) -> StartPage:
     (tmp_path / "devices").mkdir()
-    return StartPage(Library([tmp_path / "devices"]), tmp_path, True, refused)
+    return StartPage(Library([tmp_path / "devices"]), tmp_path, True, refused, tried)
 
 
 def ask(start: StartPage, **words: Any) -> Any:
@@ -73,6 +78,27 @@ def test_a_log_is_sent_or_chosen_from_the_folder(start: StartPage, tmp_path: Pat
     assert start.choice == LogChoice(log)
 
 
+@pytest.mark.parametrize("is_sent", [True, False])
+def test_a_file_that_is_no_log_is_refused_and_not_kept(start: StartPage, tmp_path: Path, is_sent: bool) -> None:
+    letter = (tmp_path if not is_sent else tmp_path / "devices") / "letter.txt"
+    letter.write_text("Dear")
+    if is_sent:
+        sent(start, letter)
+    said = ask(start, do="open", **({"file": letter.name} if is_sent else {"log": letter.name}))
+    assert said == {"error": "letter.txt: not a known log"}
+    assert start.choice is None
+    assert ask(start, do="logs") == {"ok": [] if is_sent else ["letter.txt"]}
+
+
+def test_a_log_that_is_sent_replaces_no_other_of_its_name(start: StartPage, tmp_path: Path) -> None:
+    (tmp_path / "friday.log").write_text("(1.0) can0 182#\n")
+    (tmp_path / "devices" / "friday.log").write_text("(2.0) can0 183#\n")
+    sent(start, tmp_path / "devices" / "friday.log")
+    said = ask(start, do="open", file="friday.log")
+    assert said == {"error": "friday.log is in the folder already, with another content: rename one of them"}
+    assert (tmp_path / "friday.log").read_text() == "(1.0) can0 182#\n"
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
@@ -99,7 +125,7 @@ def test_wrong_requests_of_the_first_page_are_answered_in_one_line(
 
 
 def test_without_control_other_machines_choose_nothing(tmp_path: Path) -> None:
-    start = StartPage(Library([]), tmp_path, False, refused)
+    start = StartPage(Library([]), tmp_path, False, refused, tried)
     words = {"do": "connect", "interface": "virtual", "channel": "a"}
     assert ask(start, **words) == {"error": "this page is read-only: start the server with --control"}
     assert start.choice is None
@@ -153,7 +179,7 @@ def words(text: str) -> str:
 
 def test_the_bus_of_the_last_time_is_offered(tmp_path: Path) -> None:
     last = BusChoice("slcan", "/dev/ttyACM0", 250_000)
-    start = StartPage(Library(()), tmp_path, True, refused, last)
+    start = StartPage(Library(()), tmp_path, True, refused, tried, last)
     said = start.page().partition('"last":')[2].partition("}")[0]
     assert json.loads(said + "}") == {"interface": "slcan", "channel": "/dev/ttyACM0", "bit_rate": 250_000}
 

@@ -135,7 +135,7 @@ class _Check:
         self._began = datetime.datetime.now().astimezone().isoformat("T", "seconds")
         with job.master() as master:
             self._devices = identified(master, [self._device])
-        how = OnBus(job.open, self._made is not None, self._steps)
+        how = OnBus(job.open, self._made is not None, self._steps, self._desk.equipment.bus)
         results = [*results_of(how, self._suites, [1], interrupt, self)]
         doubts = [each.doubt for each in self._devices if each.doubt]
         notes = [*doubts, *report.changed(results), *report.remarks(results), *report.not_run(results)]
@@ -165,7 +165,7 @@ class _Check:
         stem = f"{self._device.name}-{what}"
         now = datetime.datetime.now()
         data = report.as_data(results)
-        facts = RunFacts(self._desk.equipment.made_by, self._began, "", self._devices)
+        facts = RunFacts(self._desk.equipment.made_by, self._began, self._desk.equipment.bus, self._devices)
         before = sorted(self._desk.reports.glob(f"{stem}-*.json"))
         changes = compared(json.loads(before[-1].read_text("utf-8")), data) if before else []
         texts = {"json": json.dumps(data, indent=1), "xml": report.junit(results, facts)}
