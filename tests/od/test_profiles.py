@@ -60,8 +60,13 @@ def test_the_dictionary_of_a_profile_has_all_its_objects(profile: int) -> None:
 
 
 def test_the_objects_of_a_drives_file_that_are_mandatory_in_a_mode_are_in_its_profile() -> None:
-    modes = {0x6040, 0x6041, 0x6060, 0x6061, *range(0x6065, 0x6069), *range(0x607A, 0x6087), 0x60FF}
+    modes = {*range(0x6040, 0x6042), *range(0x6060, 0x606E), *range(0x607A, 0x6087), *range(0x60B0, 0x60B3), 0x60FF}
     assert modes & SERVO.members.keys() <= set(PROFILES[cia402.PROFILE])
+
+
+def test_touch_probes_are_objects_of_a_drive() -> None:
+    probes = {0x60B8: "Touch probe function", 0x60B9: "Touch probe status"}
+    assert {index: PROFILES[cia402.PROFILE][index].name for index in probes} == probes
 
 
 def test_objects_with_value_names_have_a_name() -> None:

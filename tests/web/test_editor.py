@@ -117,6 +117,7 @@ def test_malformed_requests_are_answered(body: str) -> None:
 
 
 def test_a_file_that_is_too_large_is_neither_looked_at_nor_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert asked(NOBODYS, do="look", name="m.eds", text=" " * ((4 << 20) + 1)).endswith(" files of up to 4 MB")
     monkeypatch.setattr(editor_module, "LARGEST", len(MOTOR))
     assert "bytes; the page edits files of up to" in asked(NOBODYS, do="look", name="m.eds", text=TEXT + " ")
     assert "bytes; the page edits files of up to" in edited("insert", "profile", "402")

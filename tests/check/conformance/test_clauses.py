@@ -8,12 +8,13 @@ import pytest
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Clause, DeviceUnderTest, StepName, Tier, has, need, settable
+from eurobot_od.check.conformance.nmt import GUARDED
 from eurobot_od.check.conformance.objects import CHAPTER as OBJECTS
 from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.client.servo import SERVO
-from tests.eds_text import DEVICE_TYPE, variable
+from tests.eds_text import DEVICE_TYPE, record, variable
 
 CHAPTER = Chapter[DeviceUnderTest]("odd", "odd things", fresh=True)
 
@@ -60,6 +61,16 @@ def test_a_device_without_an_error_register_is_asked_for_a_number_and_for_no_tex
     text = variable("1008", "Device name", "VISIBLE_STRING", "") + variable("1017", "Heartbeat", "UNSIGNED16", "0")
     dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
     assert DeviceUnderTest(dictionary).probe == HEARTBEAT_TIME
+
+
+@pytest.mark.parametrize(("entries", "is_done"), [(1, False), (2, True)])
+def test_a_node_is_watched_twice_only_by_two_consumers(entries: int, is_done: bool) -> None:
+    subs = ((sub, "UNSIGNED32", "0") for sub in range(1, entries + 1))
+    text = DEVICE_TYPE + record(0x1016, "Consumers", (0, "UNSIGNED8", str(entries)), *subs)
+    device = DeviceUnderTest(Dictionary.read(text.encode(), Path("device.eds"), 5), Tier.DESTRUCTIVE)
+    steps: list[Data] = GUARDED.suite(device, "tag", [], [])["steps"]
+    (twice,) = (each for each in steps if "a node is watched once" in each["name"])
+    assert ("skip" not in twice) is is_done
 
 
 @pytest.mark.parametrize(("inhibit", "is_prompt"), [(0, True), (1000, True), (1001, False)])

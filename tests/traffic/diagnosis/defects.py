@@ -559,6 +559,23 @@ DEFECTS = [
     RuleDefect(BusRule.DRIVE_FAULT_RESET, log(status(0x0218, 0, 1), status(0x0250, 1.1, 2)), 0.0, RUNS, DRIVE),
     RuleDefect(
         BusRule.DRIVE_NOT_ENABLED,
+        log(status(0x0250, 0, 3), at("605#2B4060000F000000", "585#6040600000000000", start=0.5)),
+        0.501,
+        log(
+            status(0x0250, 0, 3),
+            at("605#2B4060000F000000", "585#8040600022000008", start=0.5),
+            at(
+                "605#4040600000000000",
+                "585#4140600009000000",
+                "605#7000000000000000",
+                "585#1B0F000000000000",
+                start=1.0,
+            ),
+        ),
+        DRIVE,
+    ),
+    RuleDefect(
+        BusRule.DRIVE_NOT_ENABLED,
         log(status(0x0250, 0, 3), at("205#0F0001", start=0.5)),
         0.5,
         log(status(0x0250, 0, 1.2), at("205#0F0001", start=0.5), status(0x0637, 1.3, 3)),
