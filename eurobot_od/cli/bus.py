@@ -28,7 +28,7 @@ from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.library.library import Library
 from eurobot_od.loading import packages
-from eurobot_od.od import network
+from eurobot_od.od import DEFAULT, network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.standard import LssState
@@ -50,15 +50,15 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
     $ scan --json -i socketcan -c can0
     """
     devices = access.devices
-    known = devices.load_and_complain() if devices.eds or devices.network else ()
+    known = devices.load_and_complain() if devices.are_listed and devices.files() else ()
     with access.master() as master:
         for each in known:
             master.follow(each)  # some devices answer at other COB-IDs
         found = scan_nodes(master, listen=listen)
-    if absent := absence((each.node_id for each in known), (each.node_id for each in found)):
+    names = {node_id: name for name, node_id in devices.names().items()} if devices.are_listed else {}
+    if absent := absence(names, (each.node_id for each in found)):
         complain(absent)
     files = {each.node_id: ScannedFile(each.file) for each in known} | _library_files(devices, known, found)
-    names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     rows = [each.as_data() for each in (*found, *(Found(each, None, None, "") for each in missing))]
     for row in rows:
@@ -130,19 +130,24 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)] = "", *, 
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
     Exit status 1 if a slave does not boot: then none is started.
 
-    path: network file, or a folder of EDS and DCF files (or --network)
+    path: network file, or a folder of EDS and DCF files (or --network; default: eurobot-od.yaml in this folder)
 
     $ boot network.yaml -i socketcan -c can0
     """
     from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state  # with canopen
 
-    path = path or access.devices.network or ""
+    path = path or access.devices.network_file
     if not path:
-        raise LocalError("which network? Name its file: boot network.yaml")
+        raise LocalError(f"which network? Name its file, `boot network.yaml`, or have a {DEFAULT} here")
     named = network.read_network(path)
-    loaded = {each.node_id: each for each in replace(access.devices, network=path).load_and_complain()}
+    devices = replace(access.devices, network=path).found_on(access.bus)
+    if lacking := devices.unnamed():
+        said = lacking.partition(":")[0]
+        complain(f"{said}; it does not answer, or the library has none for its identity: no node is started")
+        return ExitStatus.FOUND
+    loaded = {each.node_id: each for each in devices.load_and_complain()}
     # `load` sorts by node-ID; the standard starts slaves in the network's own order
-    order = [each.load().node_id for each in named.nodes]
+    order = [(each.load() if each.file else each).node_id or 0 for each in named.nodes]
     slaves = [loaded[each] for each in order if loaded[each].name != named.master]
     with access.master() as master:
         nodes = [master.node(each.node_id) for each in slaves]
@@ -234,10 +239,10 @@ def watch(
     $ watch 5 --within 2s --for 2s -i socketcan -c can0
     """
     # The devices' files are read only if they, or a node by name, are given.
-    is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
-    named = {each.name: each.node_id for each in devices.load()} if is_named else {}
+    is_named = devices.are_listed or not all(each.isdecimal() for each in nodes)
+    named = devices.names() if is_named else {}
     titles = {node_id: name for name, node_id in named.items()}
-    expected = [_node_id(each, named) for each in nodes] or ([*titles] if devices.eds or devices.network else [])
+    expected = [_node_id(each, named) for each in nodes] or ([*titles] if devices.are_listed else [])
     if guard is not None and not (expected and guard):
         raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
     with Master(bus.open()) as master:

@@ -93,7 +93,7 @@ class Devices:
         Raises as `loading.find`.
         """
         found = loading.named(self.robot_name, self._file)
-        return found or (NOTHING if is_alone() or self.files() else loading.the_installed())
+        return found or (NOTHING if is_alone() or self.eds or self._described.nodes else loading.the_installed())
 
     @cached_property
     def plugins(self) -> Plugins:
@@ -141,6 +141,42 @@ class Devices:
         return with_patches(with_modules([*named, *written], self.module), self.patch)
 
     @property
+    def are_listed(self) -> bool:
+        """Whether the command line or the network file names devices, so that each of them ought to be there."""
+        return bool(self.eds or self._described.nodes)
+
+    @property
+    def network_file(self) -> str:
+        """The network file of the command line, otherwise the folder's; empty if there is none."""
+        return self.network or (DEFAULT if not self.eds and self._described.nodes else "")
+
+    def names(self) -> dict[str, int]:
+        """Return the node-IDs by name, also of nodes whose file is not named; raises as `load`."""
+        unnamed = {each.name: each.node_id or 0 for each in self._without_file.values()}
+        loaded = self.load() if self.are_known else ()
+        return {each.name: each.node_id for each in loaded} | {
+            name: number for name, number in unnamed.items() if number not in {each.node_id for each in loaded}
+        }
+
+    def unnamed(self) -> str:
+        """Return a line about nodes without a named file, for a command that does not ask the bus; empty if none."""
+        typed = {network.node_file(text).node_id for text in self.eds}
+        lacking = [each for number, each in self._without_file.items() if number not in typed]
+        said = ", ".join(f"{each.name} ({each.node_id})" for each in lacking)
+        return said and (
+            f"no file is named for {said}: only the bus tells which of the library's it is; "
+            f"name one by --eds {lacking[0].node_id}=FILE"
+        )
+
+    def check_named(self) -> None:
+        """Report nodes without a named file; raises LocalError if there is no other."""
+        said = self.unnamed()
+        if said and not self.files():
+            raise LocalError(said)
+        if said:
+            complain(said)
+
+    @property
     def _without_file(self) -> dict[int, NodeFile]:
         """The nodes of the network file without a file, by node-ID; raises FileError."""
         return {each.node_id: each for each in self._described.nodes if each.node_id and not each.file}
@@ -148,6 +184,8 @@ class Devices:
     def load(self) -> tuple[Dictionary, ...]:
         """Load the named files, otherwise the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
+        if not files and (said := self.unnamed()):
+            raise LocalError(said)
         if self.network and os.path.isdir(self.network) and any(is_without_node_id(each) for each in files):  # noqa: PTH112
             raise LocalError(
                 f"{self.network}: files without a node-ID are no network; as makers' files for the devices of a bus or "
@@ -167,7 +205,8 @@ class Devices:
     @property
     def are_known(self) -> bool:
         """Whether there are any devices; a bus or log can be read without. Raises as `load`."""
-        return bool(self.files() or self.dialect or self.robot.dialects.root)
+        is_of_robot = self.robot.dialects.root is not None and not self._without_file
+        return bool(self.files() or self.dialect or is_of_robot)
 
     def load_and_complain(self, files: Iterable[NodeFile] | None = None) -> tuple[Dictionary, ...]:
         """Load the devices, or those of `files`, and report which named files had to be repaired."""
@@ -181,6 +220,8 @@ class Devices:
 
     def protocol(self, known: Iterable[Dictionary] = ()) -> Protocol:
         """Return the messages of these devices, or of `known`; reports PDOs that are left out. Raises as `load`."""
+        if not known:
+            self.check_named()
         with left_out() as refused:
             return Protocol.of_devices(known or self.load_and_complain(), self.robot.catalogue(), refused)
 
@@ -316,7 +357,7 @@ class Devices:
 
         with Master(bus.open()) as master:
             found = {each.node_id: self.found_description(each) for each in scan(master)}
-        wanted = self._without_file if self.are_known else found
+        wanted = self._without_file or found
         eds = [f"{node_id}={each.file}" for node_id, each in found.items() if each and node_id in wanted]
         written = self._file if self._described.nodes else None
         return replace(self, eds=[*self.eds, *eds], network=self.network or written)
@@ -488,12 +529,13 @@ class Target(Access):
                 raise LocalError(
                     f"{text} is a file, not a node: a node-ID 1..127 goes there; --eds names a device's file"
                 )
-            if not self.devices.are_known:
+            named = self.devices.names()
+            if not named:
                 raise LocalError(
                     f"{text!r} is not a node-ID 1..127, which comes first, as in `read 5 0x1018`; "
                     "for names there are --eds, --network and --robot"
                 )
-            return look_up("node", text, {each.name: each.node_id for each in self.devices.load()})
+            return look_up("node", text, named)
         return check_node_id(int((text.lstrip("0") or "0")[:4]))  # `int` raises for thousands of digits
 
     @contextmanager

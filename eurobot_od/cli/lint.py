@@ -16,6 +16,7 @@ from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownNam
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint_device
+from eurobot_od.od import DEFAULT
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
 from eurobot_od.support.progress import OBJECTS, bar
@@ -96,12 +97,13 @@ def lint(
     explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
     robot_name: RobotName = None,
 ) -> ExitStatus:
-    """Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
+    """Check EDS, DCF, XDD and XDC files or folders of them, each alone, and together as a network.
 
     Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
 
-    files: EDS, DCF, XDD, XDC or a folder; with --network also a network file; left out: those of the --robot
-    network: check the files as the nodes of one network
+    files: EDS, DCF, XDD, XDC or a folder; with --network also a network file (default: eurobot-od.yaml in this
+        folder); left out: those of the --robot
+    network: check the files also together, as the nodes of one network
     stack: check also what this stack asks of the object dictionary that it is compiled with
     fix: rewrite the files in the normal form that every tool reads, and list the changes
     output: with --fix: the file to write (default: the same file)
@@ -115,7 +117,7 @@ def lint(
     if explain:
         print(explanation(explain.upper()))
         return ExitStatus.FINE
-    files = files or _of_robot(loading.named(robot_name), network)
+    files = files or _of_robot(loading.named(robot_name), network) or _here(network)
     if not files:
         raise LocalError("no files to check: name EDS, DCF or XDD files, folders of them, or a --robot")
     if network or fix:
@@ -147,6 +149,11 @@ def _of_robot(robot: Plugin | None, as_network: bool) -> list[str]:
     return [str(robot.dialects.folder(each)) for each in robot.dialects.names()]
 
 
+def _here(as_network: bool) -> list[str]:
+    """Return the network file of this folder if a network is to be checked."""
+    return [DEFAULT] if as_network and Path(DEFAULT).is_file() else []
+
+
 class FileChecks(NamedTuple):
     """How each file is checked: the stack, modules and patches; `unreadable` collects errors of files."""
 
@@ -175,8 +182,11 @@ def _found(
         if as_network:
             from eurobot_od.lint.network import lint_network, overview
 
-            network = read_network(files)
-            return lint_network(network), len(network.nodes), overview(network)
+            linted = read_network(files)
+            of_files = [each for node in linted.nodes for each in lint_device(node.device, node.file, checks.stack)]
+            order = {each.file: number for number, each in enumerate(linted.nodes)}
+            found = sorted({*lint_network(linted), *of_files}, key=lambda each: (order[each.file], *each[1:]))
+            return found, len(linted.nodes), overview(linted)
         counted: Iterable[str] = files
         if len(files) > 1:
             from eurobot_od.support import progress
@@ -222,7 +232,7 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
     for each in described.nodes:
         if not each.file:
             raise FileError(files[0], f"node {each.name} names no file, and lint asks no library")
-    devices = [(each, load(read_bytes(each.file), each.file, each.patch)) for each in described.nodes]
+    devices = [(each, load(read_bytes(each.file), each.file, each.patch, each.modules)) for each in described.nodes]
     members = [
         NetworkNode(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id or 0)
         for each, device in devices

@@ -202,6 +202,7 @@ def node(
     """
     from eurobot_od.bus.live import Live  # here, as listing faults does not need it
 
+    devices.check_named()
     if name is None and len(devices.files()) > 1:
         about_one = {**vars(one), "set": device.given, "values": device.values}
         made_all = _all(devices, device, [option.replace("_", "-") for option, value in about_one.items() if value])

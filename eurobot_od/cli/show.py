@@ -48,6 +48,7 @@ def show(
         raise LocalError(f"{message} is a file, not a message: name it by --eds")
     if message and objects is not None:
         raise LocalError("either a message or --objects, not both")
+    devices.check_named()
     known = devices.load_and_complain()
     if objects is not None:
         _show_objects(known, objects, as_json)

@@ -416,6 +416,50 @@ def test_a_node_without_a_file_is_described_by_the_library_under_its_own_name(
     assert "door.TPDO1" in said.out
 
 
+ONLY_LIFT = "library: makers\nnodes: {lift: {node_id: 5, units: {Speed: rpm}}}\n"
+
+BY_NAME: dict[str, tuple[str, int, str]] = {
+    "read": ("read lift Speed", 0, "7 rpm"),
+    "dump": ("dump lift", 0, "7 rpm"),
+    "nmt": ("nmt lift start", 0, "node 5"),
+    "watch": ("watch lift --for 0.1s", 0, ""),
+    "scan": ("scan", 0, "   5  lift        "),
+    "boot": ("boot", 0, "lift: "),
+    "check": ("check --conformance --tag nmt", 0, "lift"),
+    "show": ("show", 2, "no file is named for lift (5): only the bus tells"),
+    "node": ("node lift", 2, "name one by --eds 5=FILE"),
+    "export": ("export dbc", 2, "name one by --eds 5=FILE"),
+}
+
+
+@pytest.mark.parametrize("name", ["net.yaml", "eurobot-od.yaml"])
+@pytest.mark.parametrize(("words", "status", "text"), BY_NAME.values(), ids=BY_NAME)
+def test_commands_know_a_node_without_a_file_by_its_name_or_say_that_it_takes_the_bus(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], name: str, words: str, status: int, text: str
+) -> None:
+    Path(name).write_text(ONLY_LIFT)
+    named = () if name == "eurobot-od.yaml" else ("--network", name)
+    on_bus = () if words in ("show", "export dbc") else bus
+    said = run(capsys, *words.split(), *named, *on_bus)
+    assert (said.status, text in said.out + said.err) == (status, True), said
+
+
+def test_boot_says_which_node_has_no_file_and_does_not_answer(
+    capsys: pytest.CaptureFixture[str], bus: tuple[str, ...]
+) -> None:
+    Path("net.yaml").write_text("library: makers\nnodes: {lift: {node_id: 9}}\n")
+    said = run(capsys, "boot", "net.yaml", *bus)
+    assert (said.status, "no file is named for lift (9); it does not answer, or" in said.err) == (1, True), said
+    said = run(capsys, "scan", "--network", "net.yaml", *bus)
+    assert (said.status, "missing: lift (9)" in said.out) == (1, True), said
+
+
+def test_show_says_which_nodes_it_leaves_out(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("net.yaml").write_text(NAMED)
+    said = run(capsys, "show", "--network", "net.yaml")
+    assert (said.status, "no file is named for lift (5)" in said.err, "door.TPDO1" in said.out) == (0, True, True)
+
+
 def test_a_folder_of_eds_files_is_suggested_as_a_library(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "decode", "run.log", "--network", "makers", *ALONE)
     assert said.status == 2

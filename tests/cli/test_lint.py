@@ -43,6 +43,7 @@ CALLS = [
     (["lint", "--network", *OWN], 0, "0x202  Move To"),
     (["lint", "--network", OWN[1]], 0, "W803 panel RPDO 1 waits for 0x182, which no node sends"),
     (["lint", "--network", OWN[1], "--strict"], 1, "W804"),
+    (["lint", "--network", OLD], 1, f"{OLD}:1:1: E202 EDSVersion is missing"),
     (["lint", "--network", "-v", str(LINE.parent / "network.yaml")], 0, "declared by the network file"),
     (["lint", "--network", "none.yaml"], 2, ""),
     (["diff", CLEAN, CLEAN], 0, ""),

@@ -11,7 +11,7 @@ clause numbers differ between versions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -27,7 +27,7 @@ from eurobot_od.od import cia401, cia402
 from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of
+from eurobot_od.od.objects import address_of, in_limits
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address, label
 from eurobot_od.sdo.wire import ClientCommand, initiate
@@ -230,16 +230,25 @@ def _has(mode: Mode, *indices: int) -> Need[DriveUnderTest]:
     return has
 
 
-HOME_IS_HERE = 37
-"""Homing method without a move."""
+HOME_IS_HERE = (37, 35)
+"""Homing methods without a move; the second is the older one (CiA 402-2, clause 11.4)."""
 
-HOMES = [_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)]
+
+def _homes_here(drive: DriveUnderTest) -> int:
+    """Return the homing method without a move that the file allows; raises Lacks."""
+    method = drive.find((cia402.HOMING_METHOD, 0))
+    allowed = [each for each in HOME_IS_HERE if method and in_limits(method, each)]
+    return need(next(iter(allowed), None), f"the limits of 0x6098 allow none of the methods {HOME_IS_HERE}")
+
+
+HOMES = [_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION), _homes_here]
 
 
 @Clause(DRIVE, "11.1", "Homing", Tier.MOTION, group="present position is home", needs=HOMES)
 def _homing(drive: DriveUnderTest) -> Steps:
     done = cia402.BIT_12 | cia402.TARGET_REACHED
-    yield step.write(f"method {HOME_IS_HERE}", (cia402.HOMING_METHOD, 0), value=HOME_IS_HERE)
+    method = _homes_here(drive)
+    yield step.write(f"method {method}", (cia402.HOMING_METHOD, 0), value=method)
     yield from _mode(drive, Mode.HOMING)
     # Bits 13, 12 and 10: no error, not attained, target reached (CiA 402-2, clause 11).
     yield _until(drive, "not started", 0x3400, cia402.TARGET_REACHED)
@@ -248,7 +257,22 @@ def _homing(drive: DriveUnderTest) -> Steps:
     yield from _off(drive)
 
 
-MOVES = [_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION)]
+def _allows(index: int, values: Callable[[MotionBounds], Sequence[int]]) -> Need[DriveUnderTest]:
+    """Return a need: the file's limits of an object allow what the bounds of the motion ask."""
+
+    def allows(drive: DriveUnderTest) -> None:
+        found = drive.find((index, 0))
+        for value in values(drive.motion):
+            need(found and in_limits(found, value), f"the limits of {hexadecimal(index)} do not allow {value}")
+
+    return allows
+
+
+MOVES = [
+    _has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION),
+    _allows(cia402.TARGET_POSITION, lambda motion: (motion.distance, -motion.distance)),
+    _allows(cia402.PROFILE_VELOCITY, lambda motion: (motion.velocity,)),
+]
 
 
 @Clause(DRIVE, "10.1", "Profile position", Tier.MOTION, group="there and back", needs=MOVES)
@@ -281,7 +305,10 @@ def _moved(drive: DriveUnderTest, distance: int) -> Steps:
     yield _until(drive, "target reached", reached | State.ENABLED.mask, arrived, MOVED)
 
 
-TURNS = [_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)]
+TURNS = [
+    _has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY),
+    _allows(cia402.TARGET_VELOCITY, lambda motion: (0, motion.velocity)),
+]
 
 
 @Clause(DRIVE, "14.1", "Profile velocity", Tier.MOTION, group="up, and quick stop", needs=TURNS)

@@ -77,6 +77,30 @@ def test_moves_stay_within_speed_and_distance() -> None:
     assert max(places) <= LIMITS.distance + turn  # and what profile velocity needs to be reached, and to stop
 
 
+LIMITED = [
+    (0x6098, (0, 36), "11.1 Homing", "method 35"),
+    (0x6098, (0, 34), "11.1 Homing", "the limits of 0x6098 allow none of the methods (37, 35)"),
+    (0x607A, (0, 5000), "10.1 Profile position", "the limits of 0x607A do not allow -2000"),
+    (0x6081, (0, 99), "10.1 Profile position", "the limits of 0x6081 do not allow 100"),
+    (0x60FF, (1, 200), "14.1 Profile velocity", "the limits of 0x60FF do not allow 0"),
+]
+
+
+@pytest.mark.parametrize(
+    ("index", "limits", "clause", "said"), LIMITED, ids=[f"{row[0]:#x} {row[1]}" for row in LIMITED]
+)
+def test_what_the_limits_of_the_file_forbid_is_not_asked(
+    index: int, limits: tuple[int, int], clause: str, said: str
+) -> None:
+    low, high = limits
+    section = f"[{index:04X}]\n"
+    text = EDS.read_text().replace(section, f"{section}LowLimit={low}\nHighLimit={high}\n")
+    limited = Dictionary.read(text.encode(), EDS, 5)
+    made = drive_text(limited, True, LIMITS)
+    assert read(limited, made)  # the reader refuses a value that the file does not allow
+    assert said in made[made.index(clause) :]
+
+
 def test_a_file_without_the_modes_skips_them() -> None:
     text = EDS.read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", "DefaultValue=0x00000200")
     dictionary = Dictionary.read(text.encode(), EDS, 5)
