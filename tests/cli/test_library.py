@@ -418,7 +418,7 @@ def test_a_node_without_a_file_is_described_by_the_library_under_its_own_name(
 
 ONLY_LIFT = "library: makers\nnodes: {lift: {node_id: 5, units: {Speed: rpm}}}\n"
 
-BY_NAME: dict[str, tuple[str, int, str]] = {
+LIFT_COMMANDS: dict[str, tuple[str, int, str]] = {
     "read": ("read lift Speed", 0, "7 rpm"),
     "dump": ("dump lift", 0, "7 rpm"),
     "nmt": ("nmt lift start", 0, "node 5"),
@@ -433,7 +433,7 @@ BY_NAME: dict[str, tuple[str, int, str]] = {
 
 
 @pytest.mark.parametrize("name", ["net.yaml", "eurobot-od.yaml"])
-@pytest.mark.parametrize(("words", "status", "text"), BY_NAME.values(), ids=BY_NAME)
+@pytest.mark.parametrize(("words", "status", "text"), LIFT_COMMANDS.values(), ids=LIFT_COMMANDS)
 def test_commands_know_a_node_without_a_file_by_its_name_or_say_that_it_takes_the_bus(
     capsys: pytest.CaptureFixture[str], bus: tuple[str, ...], name: str, words: str, status: int, text: str
 ) -> None:
