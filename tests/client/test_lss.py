@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import canopen
@@ -45,6 +46,16 @@ def test_devices_that_answer_fastscan_while_they_are_configured_are_all_found() 
     assert asked == list(range(1, len(asked) + 1))
     assert len(asked) < 3 * 300
     assert {slave.state for slave in slaves} == {WAITING}
+
+
+def test_fastscan_goes_on_to_a_part_of_an_identity_and_back_to_the_first() -> None:
+    steps, then = lss._Scan().find_one(), list[int]()
+    request = next(steps)
+    with suppress(StopIteration):
+        while True:
+            then.append(request.rest[6])
+            request = steps.send(b"")  # yes to all
+    assert (set(then), then[-1]) == ({0, 1, 2, 3}, 0)
 
 
 def test_no_device_is_made_of_two() -> None:

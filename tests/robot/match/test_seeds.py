@@ -227,6 +227,11 @@ def test_a_match_that_failed_has_no_figures(figure: Figure) -> None:
     assert spread(figure, [FINE]) is not None
 
 
+def test_the_load_of_the_bus_is_in_percent() -> None:
+    (load,) = (figure for figure in FIGURES if figure.name == "bus load, %")
+    assert [*load.of(FINE)] == [0.5]
+
+
 def test_a_task_without_points_is_not_done() -> None:
     (tasks_done,) = (figure for figure in FIGURES if figure.name == "tasks done")
     played = replace(

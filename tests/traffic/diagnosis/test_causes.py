@@ -65,6 +65,11 @@ def test_what_keeps_a_drive_from_being_enabled_is_named(word: int, controls: lis
     assert why in found(BusRule.DRIVE_NOT_ENABLED, frames, *DRIVE).text
 
 
+def test_another_heartbeat_than_the_file_says_is_told_with_it() -> None:
+    text = found(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), "arm").text
+    assert text == "a heartbeat every 60 ms, with 0x1017 = 100 ms"
+
+
 def test_an_input_that_flutters_is_named_by_its_number() -> None:
     frames = log(every(0.04, "185#0100", start=0.02), every(0.04, "185#0000", start=0.04))
     assert found(BusRule.INPUT_FLUTTERS, frames, "module").text.startswith("input 1 (0x6000:1, bit 0) ")
