@@ -223,7 +223,7 @@ class NoAnswer(RemoteError):
         self.waited = waited
         self.node_id = node_id
         self.object = where
-        within = f"{waited * 1000:.0f} ms"
+        within = f"{round(waited * 1000, 1):g} ms"
         after = f" after {request}" if request else ""
         asked = f"within {within}{after}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
         super().__init__(f"no {answer} {asked}")

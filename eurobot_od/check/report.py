@@ -260,7 +260,7 @@ def further(results: Iterable[SuiteResult]) -> Iterator[str]:
     steps = (step.reason.what for result in results for step in result.steps if step.reason)
     options = Counter(what.removeprefix(ONLY_WITH) for what in steps if what.startswith(ONLY_WITH))
     for option, count in options.items():
-        yield f"{option} runs {amount(count, 'step')} more"
+        yield f"{option} runs what {amount(count, 'skipped step')} stand{'s' if count == 1 else ''} for"
 
 
 SLOW = 1.0

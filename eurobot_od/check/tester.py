@@ -228,8 +228,8 @@ class BenchTester:
         if objects.address_of(variable) in self.taken:
             raise Skipped(f"{objects.label(variable)} has taken what it should refuse, which is red")
 
-    async def asked(self, begin: Callable[[], sdo.Transfer], node: suite.NodeServices) -> bytes:
-        """Do a transfer, and repeat it once if no answer comes, as any client would.
+    async def asked(self, begin: Callable[[], sdo.Transfer], node: suite.NodeServices, *, again: bool = True) -> bytes:
+        """Do a transfer, and repeat it once if no answer comes, as any client would, unless it is not asked `again`.
 
         A server that did not answer twice is asked first whether it is there: it may be lost, or STOPPED. Raises
         Skipped if it is not, NoAnswer, Aborted.
@@ -237,11 +237,12 @@ class BenchTester:
         if node in self._silent and not await self.is_there(node, self.timeout):
             raise Skipped(f"{node.name} does not answer since a step that is red")
         self._silent.discard(node)
-        with suppress(NoAnswer):
-            return await self.transfer(begin(), node, LATEST)
-        self.asked_again += 1
+        if again:
+            with suppress(NoAnswer):
+                return await self.transfer(begin(), node, LATEST)
+            self.asked_again += 1
         try:
-            return await self.transfer(begin(), node)
+            return await self.transfer(begin(), node, 0.0 if again else LATEST)
         except NoAnswer:
             self._silent.add(node)
             raise

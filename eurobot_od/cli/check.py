@@ -204,6 +204,7 @@ def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
         about = [*of_made]
     refused = (
         (checks.fault and not checks.simulate, "--fault needs --simulate: it is a fault of a simulated node"),
+        (checks.simulate and checks.bus.is_given, "--simulate is without a bus: leave it out, or -i and -c"),
         (made.conformance and checks.files, f"--conformance {from_files} {''.join(checks.files[:1])}"),
         (made.profile and (made.conformance or checks.files), f"--profile {from_files} --conformance, and files"),
         (made.motion and made.profile != 402, "--motion needs --profile 402"),

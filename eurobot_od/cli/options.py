@@ -141,6 +141,11 @@ class BusOptions:
     bitrate: BitRate | None = None
 
     @property
+    def is_given(self) -> bool:
+        """Whether the command line says anything of a bus."""
+        return any(vars(self).values())
+
+    @property
     def words(self) -> str:
         """The bus in words: interface, channel, bit rate as far as they are given."""
         rate = f"at {self.bitrate} bit/s" if self.bitrate else ""

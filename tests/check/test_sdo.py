@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from itertools import count
 
 import pytest
 
@@ -28,6 +30,21 @@ def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[StepReas
     (result,) = run_simulated(suite(document(step)), RunOptions(), Plugins(robot).under_test).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
+
+
+def test_a_step_with_a_time_of_its_own_is_asked_once() -> None:
+    verdicts = []
+    for step in ("- sdo: {read: 0x1017}", "- {sdo: {read: 0x1017}, within: 100 ms}"):
+        answers = count()
+
+        def first_is_lost(_: object, frame: Frame, answers: Iterator[int] = answers) -> Iterable[Frame]:
+            return [frame] if next(answers) else []
+
+        broken = type("Broken", (leaving(sdo_answer, first_is_lost), plant.NODES["lift"]), {})
+        robot = plant.PLANT._replace(nodes={**plant.PLANT.nodes, "lift": partial(type, "Broken", (broken,), {})})
+        result = run_simulated(suite(document(step)), RunOptions(), Plugins(robot).under_test)
+        verdicts.append((result.steps[0].status, result.asked_again))
+    assert verdicts == [(Status.PASSED, 1), (Status.FAILED, 0)]
 
 
 FORMS = {

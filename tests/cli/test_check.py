@@ -93,6 +93,7 @@ REFUSALS = {
     ),
     "no step": ("green.yaml --simulate --step xyz", 2, "eurobot-od: no step is named like xyz"),
     "no fault": ("green.yaml --simulate --fault x", 2, "eurobot-od: unknown fault 'x'"),
+    "a bus for simulated nodes": ("green.yaml --simulate -i virtual", 2, "eurobot-od: --simulate is without a bus"),
     "fault of a real node": ("green.yaml --fault x", 2, "eurobot-od: --fault needs --simulate"),
     "no dialect": ("green.yaml --simulate --dialect latin", 2, "eurobot-od: unknown dialect 'latin'"),
     "no times": (
