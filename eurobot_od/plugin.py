@@ -276,7 +276,9 @@ class Plugins(NamedTuple):
             return shipped[text]
         if not path.is_file() and path.suffix not in (".yaml", ".yml"):
             if not shipped:
-                raise LocalError(f"unknown suite {text!r}; a suite is a file, such as {text}.yaml")
+                raise LocalError(
+                    f"unknown suite {text!r}; a suite is a file, such as {text}.yaml, or comes with a robot: --robot"
+                )
             raise UnknownName("suite", text, shipped)
         return path
 

@@ -63,8 +63,16 @@ def opening(
     yield from map(Paragraph, doubts)
     for notes in (report.changed, report.remarks, report.slowest, report.not_run):
         yield from map(Paragraph, notes(results))
-    yield Paragraph(f"{report.summary(results)}.")
+    yield Paragraph(f"{verdict(results)} {report.summary(results)}.")
     yield DocTable(("", ""), rows)
+
+
+def verdict(results: Sequence[SuiteResult]) -> str:
+    """Return in one sentence how a run has ended."""
+    if any(result.error or result.count(Status.INTERRUPTED) for result in results):
+        return "NOT FINISHED."
+    is_red = any(result.failed for result in results) or report.checked_nothing(results)
+    return "FAILED." if is_red else "Passed."
 
 
 def suites_table(title: str, results: Sequence[SuiteResult]) -> DocTable:
@@ -96,6 +104,9 @@ def failed(results: Sequence[SuiteResult]) -> Iterator[DocBlock]:
     for result in results:
         if result.error:
             yield Paragraph(f"{result.name} ended before its time: {result.error}")
+        for step in result.steps:
+            if step.status is Status.INTERRUPTED:
+                yield Paragraph(f"{result.name} was interrupted in '{step.name}'.")
     red = [step for result in results for step in result.steps if step.status is Status.FAILED]
     if not red:
         yield Paragraph("Nothing.")

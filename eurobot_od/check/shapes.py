@@ -56,7 +56,7 @@ SOME_TIME = converted(DURATION, shapes.longer_than_0)
 MAX_COUNT = 100_000
 """Maximum number of repetitions of a step, including those of the steps inside it, and of measured periods."""
 
-COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "count")
+COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "a number of times")
 WITHIN = {"within": Key(DURATION)}
 NAME = shapes.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _")
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od import objects
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind, OutOfRange
@@ -34,6 +34,21 @@ class NotSaved(LocalError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"no step before has saved {name!r}")
+
+
+NOTATIONS_HINT = "; also 20 +- 1, 15..25, > 15, not 3, any"
+"""What to write for more than one value."""
+
+A_UNIT = re.compile(r"-?[0-9.]+\s*[A-Za-z%]+")
+OTHER_NOTATION = re.compile(r".*(?:\+|[<>%]|\.\.|/-|\band\b).*")
+"""Texts that were meant as a number with a unit, and as an expectation of several values."""
+
+
+def _hint(text: str) -> str:
+    """Return what is probably wrong in a text that is no value; empty if nothing is known."""
+    if A_UNIT.fullmatch(text):
+        return "; the unit is not known here"
+    return NOTATIONS_HINT if OTHER_NOTATION.fullmatch(text) else ""
 
 
 class FieldValues(NamedTuple):
@@ -70,7 +85,7 @@ class FieldValues(NamedTuple):
         except (ValueError, KeyError, TypeError):
             # a suite has `unknown` where a program has None
             allowed = self.kind.allowed(self.limits).replace("None for unknown", "unknown")
-            raise ValueProblem(f"{text!r} is not allowed; allowed: {allowed}") from None
+            raise ValueProblem(f"{text!r} is not allowed; allowed: {allowed}{_hint(text)}") from None
         # An angle of 450 or -10 can be written, but is received as 90 or 350.
         return raw if self.kind.modulus is not None else value
 
@@ -257,7 +272,11 @@ def expectation(text: str, scale: Scale) -> Expected:
     form, operands = next((form, match.groups()) for form, match in may if match)
     # The second operand of `1200 +- 15` is a distance: 15 need not be a value that the field may have.
     scales = (scale, scale._replace(values=scale.values.distances) if form.test is _near else scale)
-    expected = tuple(each.operand(operand) for each, operand in zip(scales, operands))
+    try:
+        expected = tuple(each.operand(operand) for each, operand in zip(scales, operands))
+    except (ValueProblem, FieldError) as error:
+        said = str(error)
+        raise ValueProblem(said if NOTATIONS_HINT in said else f"{said}{_hint(written)}") from None
     if form.test is _between and all(each.variable is None for each in expected):
         _check_range(written, scale.values, *(each.value for each in expected))
     return Expected(form, expected, scale.values)

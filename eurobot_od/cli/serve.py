@@ -129,7 +129,12 @@ def serve(
         logs = ()
         devices = replace(devices, network=str(workspace(folder)))
     if logs and control:
-        raise LocalError("--control is for a bus: a log cannot be changed")
+        missing = next((each for each in logs if not Path(each).suffix and not Path(each).exists()), None)
+        raise LocalError(
+            f"{missing}: there is no such folder; make it first"
+            if missing
+            else "--control is for a bus: a log cannot be changed"
+        )
     rules = AccessRules.at(listen.host, origin, _token(token_file) if token_file else "")
     bit_rate = bus.bitrate or BITRATE
     server = PageServer(rules, listen.port)

@@ -81,6 +81,14 @@ WRONG_STEPS = {
         "'0x0602000' is not an abort code of 8 hexadecimal digits; did you mean 0x06020000",
     ),
     "abort code of several": ("- sdo: {read: 0x5000, abort: [0x06020000, ^0x6]}", "'0x6' is not an abort code of 8"),
+    "another sign of a tolerance": (
+        "- expect: {Move State Response: {time: ^20 +/- 1}}",
+        "'20 +/- 1' is not allowed; allowed: 0..1048575 ms, unknown, blocked, not possible; also 20 +- 1, 15..25, >",
+    ),
+    "unknown unit of an object": (
+        "- sdo: {read: 0x1017, expect: ^500 s}",
+        "0x1017:0: Producer heartbeat time = '500 s' is not allowed; allowed: an integer; the unit is not known here",
+    ),
     "empty range": ("- expect: {Move State Response: {time: ^25..15}}", "'25..15' has no value: the smaller number"),
     "empty range of an object": ("- sdo: {read: 0x1017, expect: ^25..15}", "'25..15' has no value: the smaller number"),
     "range of names": ("- expect: {Place Response: {source: ^encoder..laser}}", "'encoder..laser' is not a range of"),
@@ -109,17 +117,20 @@ WRONG_STEPS = {
         "0x1017:0: Producer heartbeat time = '12 3' is",
     ),
     # counts
-    "no times": ("- {wait: 1 s, repeat: ^0}", "count = '0' is not allowed; allowed: whole numbers 1..100000"),
+    "no times": (
+        "- {wait: 1 s, repeat: ^0}",
+        "a number of times = '0' is not allowed; allowed: whole numbers 1..100000",
+    ),
     "too many times": (
         "- ^repeat: 400\n  steps: [{repeat: 251, wait: 1 s}]",
         "with the repetitions inside it 100400 steps",
     ),
-    "more digits than a number has": (f"- {{wait: 1 s, repeat: ^{'9' * 4400}}}", "count = '9999"),
+    "more digits than a number has": (f"- {{wait: 1 s, repeat: ^{'9' * 4400}}}", "a number of times = '9999"),
     "longer than a day": ("- wait: ^86401 s", "86401 s is too long: at most 86400 s, a day"),
     "for ever": (f"- wait: ^{'9' * 400} s", "'999"),
     "a value of two lines": ('- expect: {Move To: {x: ^"a\\nb"}}', "'a\\nb' is not allowed"),
     "hexadecimal for ever": (f"- expect: {{Move To: {{x: ^0x{'F' * 5000}}}}}", "'0xFFF"),
-    "half a time": ("- {wait: 1 s, repeat: ^1.5}", "count = '1.5' is not allowed"),
+    "half a time": ("- {wait: 1 s, repeat: ^1.5}", "a number of times = '1.5' is not allowed"),
     # variables
     "no name": ("- save: {^a-b: Move State Response.time}", "expected a name of letters, digits and _, found 'a-b'"),
     "no field": ("- save: {t: ^Move State Response}", "unknown field of Move State Response"),

@@ -166,7 +166,12 @@ def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str])
 def test_a_suite_has_a_page_with_its_facts_and_all_steps(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--report", "report.md")
     text = (folder / "report.md").read_text()
-    lines = ["# Check of lift", "2 suites: 2 ok, 1 FAILED, 1 skipped in ", "| Bus | simulated |", "| Made by | "]
+    lines = [
+        "# Check of lift",
+        "FAILED. 2 suites: 2 ok, 1 FAILED, 1 skipped in ",
+        "| Bus | simulated |",
+        "| Made by | ",
+    ]
     tables = ["## Who is who", "| a suite | 2 | 0 | 0 |", "| red | 0 | 1 | 1 |", "### expect Move Confirm"]
     steps = ["### a suite (green.yaml, simulated, seed 1)", "| 7 | expect Check Lift Response | ok |"]
     assert [each for each in lines + tables + steps if each not in text] == []
