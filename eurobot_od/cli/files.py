@@ -119,7 +119,7 @@ def mcap(
     logged = (entry for _, entry in entries([log], reading))
     messages, poses, damage = write_mcap(file, logged, decoder, devices.robot.drawings(decoder.protocol))
     write_whole(output, file.getvalue())
-    print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
+    print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {amount(damage, 'defect')}")
 
 
 def suite(

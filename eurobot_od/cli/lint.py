@@ -117,7 +117,8 @@ def lint(
     if explain:
         print(explanation(explain.upper()))
         return ExitStatus.FINE
-    files = files or _of_robot(loading.named(robot_name), network) or _here(network)
+    robot = None if files else loading.named(robot_name)
+    files = files or _of_robot(robot, network) or _here(network)
     if not files:
         raise LocalError("no files to check: name EDS, DCF or XDD files, folders of them, or a --robot")
     if network or fix:
@@ -136,7 +137,24 @@ def lint(
     status = report.give(*_found(files, network, checks))
     for each in unreadable:
         complain(str(each))
-    return ExitStatus.WRONG_INPUT if unreadable else status
+    if unreadable:
+        return ExitStatus.WRONG_INPUT
+    return ExitStatus.FOUND if robot and _differs_from_table(robot) else status
+
+
+def _differs_from_table(robot: Plugin) -> bool:
+    """Report that EDS files of a robot are not what its table makes; return whether they differ."""
+    from eurobot_od.od.make import read_table
+    from eurobot_od.od.make.text import differences, make_files
+
+    table, folder = robot.table, robot.dialects.root
+    if table is None or folder is None or not table.is_file():
+        return False
+    made = make_files(read_table(table.read_text(encoding="utf-8", errors="replace"), table, loading.table_of))
+    found = differences(made, folder)
+    if found:
+        complain(f"{found[0]}: not what {table} makes; `make-eds {table} -o {folder}` writes it anew")
+    return bool(found)
 
 
 def _of_robot(robot: Plugin | None, as_network: bool) -> list[str]:

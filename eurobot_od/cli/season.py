@@ -67,7 +67,7 @@ def archive(
         archived = list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number)
         for each in archived:
             log = one_line(each.log)
-            size = f"{amount(each.frames, 'frame')}, {each.damage} damaged"
+            size = f"{amount(each.frames, 'frame')}, {amount(each.damage, 'defect')}"
             print(f"{log}: known, {each.run}" if each.known else f"{log}: {each.run}, {size}", flush=True)
             for note in each.notes:
                 complain(f"{log}: {note}")

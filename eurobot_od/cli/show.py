@@ -39,7 +39,7 @@ def show(
     Exit status 1 if a file has objects that are left out.
 
     message: name of a message, such as 'Goto XY' (default: all)
-    objects: list the devices' objects, or those of a name or index, such as Motor or 0x1018
+    objects: list the devices' objects, or those of a device, a name or an index, such as Motor or 0x1018
 
     $ show --eds 5=motor.eds
     $ show --objects Motor --eds 5=motor.eds
@@ -66,7 +66,7 @@ def _show_objects(dictionaries: Sequence[Dictionary], name: str, as_json: bool) 
     """Print the objects of devices, or those with a name; raises UnknownName if no device has it."""
     chosen = {each.name: _chosen(each, name) for each in dictionaries}
     if not any(chosen.values()):
-        raise UnknownName("object", name)
+        raise UnknownName("device or object", name, chosen)
     data = {device: map(object_as_data, found) for device, found in chosen.items()}
     give(as_json, data, map(one_line, _object_lines(chosen)))
 
@@ -79,7 +79,7 @@ def _object_lines(chosen: Mapping[str, Sequence[ODVariable]]) -> Iterator[str]:
 
 
 def _chosen(dictionary: Dictionary, name: str) -> list[ODVariable]:
-    if not name:
+    if name in ("", dictionary.name):
         return list(od.all_objects(dictionary.objects))
     try:
         return [each for each in od.find(name, dictionary.objects) if od.is_described(each)]

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od.errors import look_up
 from eurobot_od.od import Dialects
 from eurobot_od.plugin import Command, Faults, Plugin
 from eurobot_od.robot import dialects
@@ -38,9 +39,13 @@ def own_robot(
     `strategy.py`. name: the robot's name. catalogue: a copy of ours with the team's messages added; each of these can
     have faults. nodes: the classes of the team's nodes by the names of their EDS files; one with a `COMPONENT` is part
     of the start (see `robot.nodes.node.Component`).
+
+    Raises UnknownName for a node without an EDS file.
     """
     home = Path(folder)
     dialects_here = Dialects(home / "eds")
+    for role in nodes:
+        look_up("node with an EDS file", role, {each.stem: each for each in home.glob("eds/**/*.eds")})
 
     parts = {name: part for name, kind in nodes.items() if (part := getattr(kind, "COMPONENT", None)) is not None}
 

@@ -29,7 +29,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.season.results import verified
+from eurobot_od.season.results import SETTINGS, verified
 from eurobot_od.support import texts
 from eurobot_od.support.files import UNREADABLE, write_whole
 from eurobot_od.support.texts import encodable, first_free
@@ -325,6 +325,9 @@ class Season:
         }
         self.hidden = _hidden(self.parts)
         if not self.parts:
+            if (folder / SETTINGS).is_file():
+                what = f"ask {folder}/*.parquet by DuckDB or Polars (docs/season.md)"
+                raise LocalError(f"{folder} is not a season: it holds a campaign; {what}")
             why = ", ".join(f"{each} is damaged" for each in self.damaged) or "no log is archived in it"
             raise LocalError(f"{folder} is not a season: {why}; `archive` makes one")
         self._verified = {RUNS}

@@ -56,6 +56,7 @@ class Defect(NamedTuple):
     reason: str = ""
 
 
+NOT_NAMED = "of a device whose file is not named (--eds), or of another robot (--robot)?"
 MAPPED_OTHERWISE = "the device is likely mapped otherwise than its file says: `pdo NODE` or `monitor --ask` shows how"
 """Likely reason for a length that does not fit the PDO's mapping."""
 
@@ -310,7 +311,7 @@ class Decoder:
         if found is None and frame.cob_id & EXTENDED:  # other traffic, not damage
             return Meaning(frame, f"29-bit frame, {amount(len(frame.data), 'byte')}", "", (), None, str(frame))
         damage, why = self.unmapped.defect(frame.cob_id)
-        defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
+        defects = (Defect(damage, f"{frame}{why}", NOT_NAMED),) if damage else ()
         if found is None or not found.name:
             return Meaning(frame, "", "", (), None, str(frame), defects)
         if frame.is_remote:

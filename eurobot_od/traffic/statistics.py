@@ -162,7 +162,8 @@ class SeenTraffic:
         return bits / span / self.bit_rate if span > 0 else 0.0
 
 
-HEADINGS = ("ID", "message", "from", "count", "load", "worst gap", "period", "jitter", "response", "bound")
+TIMES = ("worst gap", "period", "jitter", "response", "bound")
+HEADINGS = ("ID", "message", "from", "count", "load", *(f"{each}, ms" for each in TIMES))
 
 
 def table(seen: SeenTraffic) -> Iterator[str]:

@@ -210,7 +210,7 @@ def test_archive_prints_a_line_for_each_log(log: str, tmp_path: Path, capsys: py
     first, again = run(capsys, *words), run(capsys, *words)
     assert first.status == again.status == 0
     assert first.out.startswith(f"{log}: ")
-    assert first.out.endswith(", 2 frames, 1 damaged\n")
+    assert first.out.endswith(", 2 frames, 1 defect\n")
     assert again.out.startswith(f"{log}: known, ")
 
 

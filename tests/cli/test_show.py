@@ -153,4 +153,4 @@ def test_objects_of_several_devices_stand_under_their_names(capsys: pytest.Captu
 
 def test_an_object_that_no_device_has_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "show", "--objects", "Nonsense", "--eds", MOTOR)
-    assert (said.status, said.complaint) == (2, "eurobot-od: unknown object 'Nonsense'")
+    assert (said.status, said.complaint) == (2, "eurobot-od: unknown device or object 'Nonsense'; known: motor")

@@ -21,6 +21,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.season import season as season_module
 from eurobot_od.season.answers import tables as listed
 from eurobot_od.season.archive import Archiver, DecodedNetwork, archive
+from eurobot_od.season.results import SETTINGS
 from eurobot_od.season.season import Season, SqlError
 from tests.kit import plant
 from tests.kit.plant import messages as m
@@ -259,3 +260,9 @@ def test_a_season_may_have_any_name(tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.log", [(1.0, plant.protocol().encode(MOVE))])
     Archiver(folder, DecodedNetwork(plant.load_all(), plant.CATALOGUE))(log)
     assert Season.open(folder).sql("SELECT x FROM move_to").rows() == [(1234,)]
+
+
+def test_a_campaign_is_no_season_and_the_error_says_how_to_ask_it(tmp_path: Path) -> None:
+    (tmp_path / SETTINGS).touch()
+    with pytest.raises(LocalError, match=r"is not a season: it holds a campaign; ask .*\*\.parquet by DuckDB"):
+        Season.open(tmp_path)

@@ -74,7 +74,7 @@ def test_load_without_frames_is_zero() -> None:
 
 def test_table(seen: SeenTraffic) -> None:
     heading, ask, answer, other, load = table(seen)
-    assert heading.endswith("count   load  worst gap  period  jitter  response  bound")
+    assert heading.endswith("count   load  worst gap, ms  period, ms  jitter, ms  response, ms  bound, ms")
     assert ask.split()[2:] == ["16", "a", "2", "0.08%", "130.00", "100.00", "30.00"]
     assert answer.split()[-2:] == ["4.50", "4.04"]  # 135 bits block, 55, 1 ms, 55 of the next request, 135
     assert other.split()[-2:] == ["1", "0.04%"]

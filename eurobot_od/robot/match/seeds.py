@@ -6,7 +6,6 @@ strategies once.
 
 from __future__ import annotations
 
-import io
 import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -18,13 +17,13 @@ from math import ceil, sqrt
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from statistics import fmean, quantiles, stdev
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od import loading
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.robot.match.referee import Players, StrategyFiles, in_one_line
-from eurobot_od.robot.match.stage import EdsFiles, Performance, play_simulated
+from eurobot_od.robot.match.stage import EdsFiles, Performance, Prefixed, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary, Touched, touches_of
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
@@ -124,30 +123,6 @@ class PlayedMatch:
         figures = {"points": self.points, "stops": self.stops, "moved": self.moved}
         summary = self.summary and self.summary.as_data()
         return {"seed": self.seed, "wrong": self.wrong, **figures, **rows, "summary": summary}
-
-
-class Prefixed(io.TextIOBase):
-    """Writes each line with something before it, and at once, as other processes write to the same terminal."""
-
-    def __init__(self, stream: TextIO, prefix: str) -> None:
-        self._stream = stream
-        self._prefix = prefix
-        self._begun = ""
-
-    def write(self, text: str) -> int:
-        """Write a part of a text."""
-        *lines, self._begun = (self._begun + text).split("\n")
-        self._stream.write("".join(f"{self._prefix}{line}\n" for line in lines))
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush the stream."""
-        self._stream.flush()
-
-    def end(self) -> None:
-        """Write a last line without its end."""
-        if self._begun:
-            self.write("\n")
 
 
 def play(

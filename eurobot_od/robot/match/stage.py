@@ -6,15 +6,17 @@ Rule of this file: simulated and live matches differ only in what keeps the time
 from __future__ import annotations
 
 import asyncio
+import io
 import sys
 import time
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
 from math import isnan, nan
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TextIO, cast
 
 import can
 
@@ -135,6 +137,67 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
     return core, nodes
 
 
+# What strategies print
+
+
+class Prefixed(io.TextIOBase):
+    """Writes each line with something before it, and at once, as other processes write to the same terminal."""
+
+    def __init__(self, stream: TextIO, prefix: str) -> None:
+        self._stream = stream
+        self._prefix = prefix
+        self._begun = ""
+
+    def write(self, text: str) -> int:
+        """Write a part of a text."""
+        *lines, self._begun = (self._begun + text).split("\n")
+        self._stream.write("".join(f"{self._prefix}{line}\n" for line in lines))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush the stream."""
+        self._stream.flush()
+
+    def end(self) -> None:
+        """Write a last line without its end."""
+        if self._begun:
+            self.write("\n")
+
+
+IS_RIVAL = ContextVar("whether the second robot's strategy runs", default=False)
+
+
+class _BySide:
+    """Standard output for two strategies in one event loop: lines of the second robot's begin with its name."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.rivals = Prefixed(stream, f"{RIVAL}: ")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        return (self.rivals if IS_RIVAL.get() else self._stream).write(text)
+
+
+@contextmanager
+def _marking_rival(is_there: bool) -> Iterator[None]:
+    """Mark the lines that the second robot's strategy prints, if there is one."""
+    if not is_there:
+        yield
+        return
+    sides = _BySide(sys.stdout)
+    with redirect_stdout(cast(TextIO, sides)):
+        yield
+    sides.rivals.end()
+
+
+async def _as_rival(playing: Coroutine[Any, Any, None]) -> None:
+    IS_RIVAL.set(True)  # for this task, and those that it makes
+    await playing
+
+
 class Performance:
     """A match of one robot, ready to be played with any clock and bus: its nodes, referee, observers and counters.
 
@@ -230,8 +293,12 @@ def play_simulated(
         switch_on(side.nodes, network, options.seed)
         network.observers.append(side.seen)
     bitrate = networks[0].bitrate
-    plays = [side.play(each, bitrate, "simulated") for side, each in zip(sides, (strategy, against)) if each]
-    with Watchdog(passing(lambda: clock.now), tell) as watchdog, _blaming(match.nodes, networks[0].reports, tell):
+    plays = [match.play(strategy, bitrate, "simulated")]
+    if against is not None:
+        plays.append(_as_rival(sides[1].play(against, bitrate, "simulated")))
+    marking = _marking_rival(against is not None)
+    blaming = _blaming(match.nodes, networks[0].reports, tell)
+    with marking, Watchdog(passing(lambda: clock.now), tell) as watchdog, blaming:
         simulated_loop.run(clock, _together(plays))
     summary = match.result(clock.now, bitrate, networks[0].reports)
     points = {side.name: world.game.points(side.name) for side in sides}

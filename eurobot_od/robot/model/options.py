@@ -56,7 +56,7 @@ class Errors:
     def changed_by(self, values: Iterable[tuple[str, str]]) -> Errors:
         """Return a copy with some errors changed, each given by name and value as text.
 
-        Raises UnknownName, and LocalError unless a value is a number of 0 or more.
+        Raises UnknownName, and LocalError unless a value is a number of 0 or more; a share or rate is at most 1.
         """
         changes: dict[str, float] = {}
         for name, text in values:
@@ -69,6 +69,8 @@ class Errors:
             # Every comparison with "nan" is false, so this fails for it.
             if not 0.0 <= changes[name] < inf:
                 raise LocalError(f"{name}={text}: not a number from 0 on")
+            if name not in UNITS and changes[name] > 1:
+                raise LocalError(f"{name}={text} is not allowed; allowed: 0..1, as a share of all")
         return replace(self, **changes)
 
 

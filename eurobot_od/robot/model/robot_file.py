@@ -88,6 +88,13 @@ class Task(NamedTuple):
         return self.tries * self.chance * self.points
 
 
+class TasksByName(dict[str, Task]):
+    """Tasks by name; a strategy's mistake in a name gets those that there are."""
+
+    def __missing__(self, name: str) -> Task:
+        raise UnknownName("task", name, self)
+
+
 FROM_MIDDLE = Within(-1000, 1000, "mm")
 Corner: TypeAlias = Annotated[Point, Listed(FROM_MIDDLE, FROM_MIDDLE)]
 
@@ -277,10 +284,11 @@ class Facts:
         return ", ".join(texts) or "none"
 
     def tasks(self, team: TeamColour) -> dict[str, Task]:
-        """Return the tasks of a team's robot, by name."""
+        """Return the tasks of a team's robot, by name; looking up any other name raises UnknownName."""
+        tasks = TasksByName()
         if team is TeamColour.RED:
-            return dict(self.red_tasks)
-        tasks = {}
+            tasks.update(self.red_tasks)
+            return tasks
         for task in self.red_tasks.values():
             at = Stand(int(self.field.width) - task.at.x, task.at.y, int(normalise(180 - task.at.angle)))
             # A task keeps the name of its place: yellow's `fire 1` is where red's is.
@@ -319,10 +327,17 @@ def _names_in(node: yaml.Node, before: str = "") -> Iterator[str]:
 
 
 def file_for(eds: str | Path) -> Path:
-    """Return the robot's file beside an EDS file or a folder of them; the shipped one if there is none."""
+    """Return the robot's file beside an EDS file or a folder of them; the shipped one if there is none.
+
+    Raises LocalError for a file with a name that is almost right.
+    """
     folder = Path(eds) if Path(eds).is_dir() else Path(eds).parent
-    beside = (each / NAME for each in (folder, folder.parent))
-    return next((each for each in beside if each.is_file()), dialects.eds_folder() / NAME)
+    for each in (folder, folder.parent):
+        if (each / NAME).is_file():
+            return each / NAME
+        if (wrong := (each / NAME).with_suffix(".yml")).is_file():
+            raise LocalError(f"{wrong} is not read: its name has to be {NAME}")
+    return dialects.eds_folder() / NAME
 
 
 def read(file: str | Path | None = None, changes: Iterable[tuple[str, str]] = ()) -> Facts:

@@ -398,7 +398,7 @@ class BusRule(IncidentRule):
         Severity.WARNING,
         "An identifier is in no file",
         cause="a file is missing, or a device is mapped otherwise than its file says",
-        remedy="name the device's file by --eds; `scan` lists who is there",
+        remedy="name the device's file by --eds, or your robot by --robot; `scan` lists who is there",
         clause="CiA 301, 7.3.3",
     )
     PDO_OFF = RuleRow(

@@ -242,6 +242,14 @@ def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine
     assert "points: ours 0, enemy 1 0" in said.out.splitlines()
 
 
+def test_lines_of_the_second_robots_strategy_are_marked(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    file = str(mine("import asyncio\nasync def play(core):\n    await asyncio.sleep(0.1)\n    print('at', 'work')\n"))
+    said = run(capsys, *SHORT, "--strategy", file, "--against", file)
+    assert [each for each in said.out.splitlines() if "at work" in each] == ["at work", "enemy 1: at work"]
+
+
 def test_an_error_of_the_other_strategy_is_reported_too(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
 ) -> None:
@@ -362,6 +370,7 @@ def test_wrong_usage_is_the_last_line(capsys: pytest.CaptureFixture[str], words:
             "unknown error of the world 'wheel_nose'; did you mean wheel_noise or wheel_scale?",
         ),
         (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
+        (["--world", "beacon_dropouts=30"], 2, "beacon_dropouts=30 is not allowed; allowed: 0..1, as a share of all"),
         (["--set", "bdy.radius=1"], 2, "unknown setting 'bdy.radius'; did you mean body.radius?"),
         (
             ["--seeds", "2", "--set", "navigation.0x2101:1=x"],

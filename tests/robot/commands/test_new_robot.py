@@ -111,6 +111,17 @@ def test_a_real32_setting_and_a_periodic_message(mine: Path) -> None:
     assert max(int(each) for each in re.findall(r"height=(\d+)", logged)) == 90  # half of where it goes
 
 
+def test_files_that_do_not_belong_together_are_told(mine: Path) -> None:
+    table = mine / "eds" / "protocol.yaml"
+    table.write_text(table.read_text().replace("range: [0, 200]", "range: [0, 190]"))
+    said = command(mine, ["lint", "--robot", "."])
+    assert said.returncode == 1
+    assert "eds/canopen/core.eds: differs first in line " in said.stderr
+    assert "`make-eds eds/protocol.yaml -o eds` writes it anew" in said.stderr
+    (mine / "robot.py").write_text((mine / "robot.py").read_text().replace('"lift": Lift', '"lfit": Lift'))
+    assert "unknown node with an EDS file 'lfit'; did you mean lift?" in command(mine, ["show", "--robot", "."]).stderr
+
+
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package of a robot, entered as pip does it: `tools/wheel.py` has pip do it."""

@@ -22,7 +22,6 @@ from eurobot_od.robot.match.seeds import (
     PlayedGoto,
     PlayedMatch,
     PlayedTask,
-    Prefixed,
     Spread,
     endings,
     play,
@@ -31,7 +30,7 @@ from eurobot_od.robot.match.seeds import (
     spread,
     touch_counts,
 )
-from eurobot_od.robot.match.stage import EdsFiles
+from eurobot_od.robot.match.stage import EdsFiles, Prefixed
 from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.season.campaign import HERE
 

@@ -120,6 +120,20 @@ def test_the_file_is_found_beside_the_eds_files_or_above_them(tmp_path: Path) ->
     assert robot_file.file_for(folder / "drive.eds") == robot_file.file_for(folder) == beside
 
 
+def test_a_file_that_is_not_read_for_its_suffix_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "canopen"
+    folder.mkdir()
+    (tmp_path / "robot.yml").touch()
+    with pytest.raises(LocalError, match=r"robot\.yml is not read: its name has to be robot\.yaml"):
+        robot_file.file_for(folder)
+
+
+@pytest.mark.parametrize("team", TeamColour)
+def test_an_unknown_task_is_told_with_what_it_may_mean(team: TeamColour) -> None:
+    with pytest.raises(UnknownName, match="unknown task 'mamoth'; did you mean mammoth"):
+        FACTS.tasks(team)["mamoth"]
+
+
 def test_the_settings_of_a_match_are_facts_or_of_nodes() -> None:
     options = MatchOptions(settings=(("body.radius", "250"), ("drive.Motion.Maximum speed", "600")))
     assert options.facts().body.radius == 250
