@@ -264,6 +264,8 @@ brief = partial(texts.text, digits=4)
 class ObservedNode:
     """A node: its last NMT state, whether it was `heard`, and when it was changed and reset.
 
+    It `is_device` once it has sent more than a heartbeat, which a program sends as well.
+
     It has booted, or was reset, `boots` times. It has said at a time in s whom it `missed`. `shown` are settings that
     transfers have shown; it `is_configured` if a master has written any object. `in_force` returns what it has shown
     to have in place of its file's values.
@@ -275,6 +277,7 @@ class ObservedNode:
     dictionary: Dictionary | None = None
     state: NmtState | None = None
     heard: bool = False
+    is_device: bool = False
     is_lost: bool = False
     booted: bool = False
     boots: int = 0

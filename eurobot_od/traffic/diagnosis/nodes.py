@@ -82,13 +82,20 @@ class UnclearBootUp(NamedTuple):
         return is_next and is_sure and own > IN_PHASE and state is self.state
 
 
+def consumed_by(consumer: ObservedNode) -> set[int]:
+    """Return the node-IDs whose heartbeat a node consumes by its 0x1016, as shown."""
+    shown = consumer.in_force().items()
+    entries = [number for (index, sub), number in shown if index == CONSUMED_HEARTBEATS and sub]
+    return {entry >> 16 & 0x7F for entry in entries if entry & 0xFFFF} - {0}
+
+
 class Beats:
     """Heartbeats of a node: the configured `period` in s (0 for none), and the time of the `last` one.
 
     `last` is None while none is due. `usual` is the period by the settings, or by what came if that is longer; 0 if
     nothing says it. `before` is the state before the last one, `flips` how often it came back.
     `observed` is the period of heartbeats that came evenly, 0 until then; they are of two nodes if `is_of_two`.
-    `silence` is what is to be reported of a loss, and where, unless the log ends.
+    The first one came when it `began`. `silence` is what is to be reported of a loss, and where, unless the log ends.
     """
 
     def __init__(self, period: float) -> None:
@@ -96,6 +103,7 @@ class Beats:
         self.lost = False
         self.usual = period
         self.last: float | None = None
+        self.began = 0.0
         self.intervals: deque[float] = deque(maxlen=2 * SURE)
         self.times: deque[float] = deque(maxlen=WINDOW)
         self.observed, self.is_of_two, self._number = 0.0, False, 0
@@ -197,9 +205,12 @@ class NodesWatcher(Watcher):
         if is_answer:
             self._guard(time, node, frame)
         if not frame.is_remote:
+            if not node.heard:
+                self._beats_of(node).began = time
             node.heard = True
             state = frame.data[0] & ~TOGGLE
             if state == NmtState.INITIALISING:
+                node.is_device = True
                 self._boot(time, node)
             elif state in STATES:
                 self._state(time, node, STATES[state], is_answer)
@@ -380,6 +391,9 @@ class NodesWatcher(Watcher):
         for node_id, beats in self._beats.items():
             if not beats.lost and beats.is_lost(time):
                 node = self.bus.node(node_id)
+                if self._is_of_program(node, beats):
+                    beats.restart(None)
+                    continue
                 beats.lost = node.is_lost = True
                 silence = f"no heartbeat for {LOST_AFTER:g} periods of {brief(beats.usual)}"
                 state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
@@ -395,6 +409,16 @@ class NodesWatcher(Watcher):
                 node.reset = None
                 self.bus.found(BusRule.NO_BOOT, node.name, f"no boot-up in {BOOTS_WITHIN:g} s after a reset")
 
+    def _is_of_program(self, node: ObservedNode, beats: Beats) -> bool:
+        """Return whether a heartbeat is that of a master's program, which ends when it has done its work.
+
+        It began within the log, without the boot-up of a device, nothing else was sent, and no node consumes it.
+        """
+        began_here = beats.began - self.bus.began > LOST_AFTER * beats.usual
+        if node.is_device or node.dictionary or not began_here:
+            return False
+        return not any(node.node_id in consumed_by(each) for each in self.bus.nodes.values())
+
     def gap(self, time: float) -> None:
         for beats in self.beating:
             beats.restart(time)
@@ -405,10 +429,7 @@ class NodesWatcher(Watcher):
 
     def silent(self, time: float, consumer: ObservedNode) -> list[str]:
         """Return the nodes whose heartbeat a consumer misses at a time in s: those in its 0x1016, or else all."""
-        entries = [
-            number for (index, sub), number in consumer.in_force().items() if index == CONSUMED_HEARTBEATS and sub
-        ]
-        wanted = {entry >> 16 & 0x7F for entry in entries} - {0}
+        wanted = consumed_by(consumer)
         found = []
         for node_id, beats in self._beats.items():
             is_due = beats.last is not None and beats.usual and time - beats.last > LATE_AFTER * beats.usual
@@ -527,7 +548,7 @@ class EmergencyWatcher(Watcher):
         node = self.bus.node(said["node"])
         code = said["code"]
         register = said["register"]
-        node.heard = True
+        node.heard = node.is_device = True
         times, present = self._times[node.node_id], self._open[node.node_id]
         times.append(time)
         if len(times) > STORM and 0 < time - times[0] <= 1.0:

@@ -95,7 +95,7 @@ class PdoWatcher(Watcher):
     def _came(self, watched: TpdoWatch, time: float, _: Meaning) -> None:
         """Process a frame of a TPDO."""
         sender, last = watched.sender, watched.last
-        sender.heard = True
+        sender.heard = sender.is_device = True
         watched.last = time
         is_operational = sender.is_operational
         if last is not None and (watched.inhibit or watched.timer) and time >= last:
@@ -380,6 +380,7 @@ class SyncWatcher(Watcher):
         super().__init__(bus)
         self._last: tuple[float, bytes] | None = None
         self._times: deque[float] = deque(maxlen=WINDOW)
+        self._more_times: deque[float] = deque(maxlen=2 * WINDOW)
         self._number = 0
         self._two = False
         self._skipped: tuple[str, Occurrences] | None = None
@@ -424,9 +425,14 @@ class SyncWatcher(Watcher):
             self._usual = self._observed
         usual = said or self._usual
         self._times.append(time)
+        self._more_times.append(time)
         self._intervals.append(interval)
         self._number += 1
-        periods = None if self._number % SYNCS or self._two else two_series([*self._times], ONE_PRODUCER)
+        periods = None
+        if not self._two:
+            # The larger window has enough of the slower one where the periods differ much.
+            window = [] if self._number % SYNCS else self._times if self._number % WINDOW else self._more_times
+            periods = two_series([*window], ONE_PRODUCER)
         if periods and self._are_of_two(*periods):
             self._two = True
             every = " and ".join(brief(each) for each in periods)
@@ -508,6 +514,7 @@ class SyncWatcher(Watcher):
         since = self._last[0]
         self._last = None
         self._times.clear()
+        self._more_times.clear()
         is_told = self.bus.commanded > since - LEAST_SILENCE
         if not is_told and any(each.state is NmtState.OPERATIONAL for each in self.bus.nodes.values()):
             self.bus.found(BusRule.SYNC_STOPS, "", f"SYNC stops: {_came(usual, since)}")
@@ -521,6 +528,7 @@ class SyncWatcher(Watcher):
     def gap(self, time: float) -> None:
         self._last = None
         self._times.clear()
+        self._more_times.clear()
 
     def end(self, time: float) -> None:
         if self._skipped:

@@ -127,7 +127,7 @@ class SdoWatcher(Watcher):
         node = self.bus.node(end.server)
         asked = line.seen if line.asked is not None else None
         if end.is_answer:
-            node.heard = True
+            node.heard = node.is_device = True
             self._answer(time, line, node, frame.data)
         else:
             self._request(time, line, node, end, frame.data)

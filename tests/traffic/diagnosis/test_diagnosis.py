@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.client.lifeline import arm, disarm, heartbeat
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.diagnosis import Diagnosis
@@ -52,6 +53,42 @@ def test_a_servo_that_is_configured_and_runs_for_a_minute_is_quiet() -> None:
             network.send(0x080)
             network.sleep(0.1)
     assert [each.title for each in listening.found()] == []
+
+
+def test_a_drive_that_a_program_moves_and_leaves_is_quiet() -> None:
+    with simulated(DOCS / "servo.eds", node_id=5) as network:
+        listening = Listening(network)
+        node = network.master.node(5)
+        network.sleep(2.0)
+        line = arm(node, [0], 127)
+        for _ in range(20):
+            network.send(*heartbeat(127))
+            network.sleep(0.1)
+        disarm(node, line)
+        network.sleep(10.0)
+    assert [each.title for each in listening.found()] == []
+
+
+@pytest.mark.parametrize(
+    ("first", "boots"), [(0.0, False), (3.0, True)], ids=["there from the beginning", "with a boot-up"]
+)
+def test_a_device_that_is_silent_is_lost_though_nobody_consumes_it(first: float, boots: bool) -> None:
+    diagnosis = Diagnosis(Decoder([], refused=lambda _: None))
+    rows = [(first + 0.1 * n, Frame(0x709, b"\0" if boots and not n else b"\5")) for n in range(20)]
+    rows += [(0.1 * n, Frame(0x70A, b"\5")) for n in range(200)]
+    for time, frame in sorted(rows, key=lambda row: row[0]):
+        diagnosis.take(time, "", frame)
+    diagnosis.end()
+    assert {each.rule for each in diagnosis.incidents.sorted()} == {BusRule.HEARTBEAT_LOST}
+
+
+def test_two_producers_of_sync_with_much_different_periods_are_two() -> None:
+    diagnosis = Diagnosis(Decoder([], refused=lambda _: None))
+    for hundredth in range(1000):
+        if hundredth % 10 == 0 or hundredth % 2:
+            diagnosis.take(hundredth / 100, "", Frame(0x080, b""))
+    diagnosis.end()
+    assert {each.rule for each in diagnosis.incidents.sorted()} == {BusRule.SYNC_TWO}
 
 
 def test_a_bus_with_everything_on_it_shows_what_was_done_to_it_and_nothing_else() -> None:
