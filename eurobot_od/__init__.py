@@ -13,8 +13,13 @@ without a bus starts at once; `__init__.pyi` lists them.
 from __future__ import annotations
 
 import re
+import sys
 from importlib import import_module
 from typing import Any
+
+from eurobot_od.canopen_names import ModulesOfCanopen, module_attribute
+
+sys.meta_path.append(ModulesOfCanopen)
 
 with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _lines:  # noqa: PTH123 (pathlib takes longer than this)
     _HOMES = {name: home for home, name in re.findall(r"^from (\S+) import .* as (\w+)$", _lines.read(), re.MULTILINE)}
@@ -33,9 +38,7 @@ def __getattr__(name: str) -> Any:
     if name == "__all__":
         return [each for each in _HOMES if each not in _EXTRAS]
     if name not in _HOMES:
-        from eurobot_od.client.canopen_names import MISSING, missing
-
-        raise AttributeError(missing(f"module {__name__!r}", MISSING[__name__].get(name, ""), name))
+        module_attribute(__name__)(name)
     if name in _EXTRAS:
         from eurobot_od.support.extras import needed
 

@@ -11,14 +11,14 @@ from eurobot_od.bus.live import open_bus as open_bus
 from eurobot_od.bus.simulated.network import Simulation as Simulation
 from eurobot_od.client.canopen_modules import emcy as emcy
 from eurobot_od.client.canopen_modules import lss as lss
+from eurobot_od.client.canopen_modules import network as network
 from eurobot_od.client.canopen_modules import nmt as nmt
+from eurobot_od.client.canopen_modules import node as node
 from eurobot_od.client.canopen_modules import profiles as profiles
 from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
 from eurobot_od.client.network import BaseNode402 as BaseNode402
 from eurobot_od.client.network import Network as Network
 from eurobot_od.client.network import RemoteNode as RemoteNode
-from eurobot_od.client.network import SdoAbortedError as SdoAbortedError
-from eurobot_od.client.network import SdoCommunicationError as SdoCommunicationError
 from eurobot_od.client.network import simulated as simulated
 from eurobot_od.client.remote_device import AsyncRemoteDevice as AsyncRemoteDevice
 from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
@@ -55,4 +55,6 @@ from eurobot_od.robot.nodes import Core as Core
 from eurobot_od.robot.nodes import Drive as Drive
 from eurobot_od.robot.nodes import Navigation as Navigation
 from eurobot_od.robot.plugin import own_robot as own_robot
+from eurobot_od.sdo import SdoAbortedError as SdoAbortedError
+from eurobot_od.sdo import SdoCommunicationError as SdoCommunicationError
 from eurobot_od.season.season import Season as Season

@@ -43,8 +43,10 @@ class LocalError(EurobotError):
     """A request that cannot be done; nothing was sent."""
 
 
-class UnknownName(LocalError):
-    """A name that does not exist: of a message, field, dialect, barrier."""
+class UnknownName(LocalError, KeyError):
+    """A name that does not exist: of a message, field, dialect, barrier; a KeyError, as mappings raise."""
+
+    __str__ = Exception.__str__  # a KeyError puts its text in quotes
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
         self.kind = kind

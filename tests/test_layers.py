@@ -23,7 +23,7 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {"errors", "frame"},
+    {"errors", "frame", "canopen_names"},
     {"support"},
     {"od"},
     {"pdo", "sdo", "lint"},

@@ -22,11 +22,11 @@ if str(ROOT) not in sys.path:
 
 import lint_mutants  # noqa: E402
 
+from eurobot_od.canopen_names import MISSING  # noqa: E402
 from eurobot_od.check.conformance import page  # noqa: E402
 from eurobot_od.check.conformance.clauses import Tier  # noqa: E402
 from eurobot_od.check.conformance.page import DeviceRun  # noqa: E402
 from eurobot_od.check.report import CheckedDevice  # noqa: E402
-from eurobot_od.client.canopen_names import MISSING  # noqa: E402
 from eurobot_od.device.faults import FAULTS  # noqa: E402
 from eurobot_od.device.simulated import SimulatedDevice  # noqa: E402
 from eurobot_od.export.forms import docs_text  # noqa: E402
@@ -91,10 +91,10 @@ def aborts() -> str:
 
 CANOPEN_PAGE = ROOT / "docs" / "canopen.md"
 
-NAMES_HEAD = """## Names that our classes do not have
+NAMES_HEAD = """## Names that we do not have
 
-Of canopen 2.4, with `import eurobot_od as canopen`. An AttributeError for such a name ends with what the table says;
-made from `eurobot_od/client/canopen_names.py` by `tools/make_pages.py`.
+Of canopen 2.4, with `import eurobot_od as canopen`. The error about such a name, also of an import, ends with what the
+table says; made from `eurobot_od/canopen_names.py` by `tools/make_pages.py`.
 
 | of | canopen's name | use instead |
 |---|---|---|

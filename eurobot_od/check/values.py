@@ -82,6 +82,8 @@ class FieldValues(NamedTuple):
             if value is None:
                 return None
             raw = self.kind.write(value, self.limits)  # raises for a value that cannot be sent
+        except UnknownName:
+            raise
         except (ValueError, KeyError, TypeError):
             # a suite has `unknown` where a program has None
             allowed = self.kind.allowed(self.limits).replace("None for unknown", "unknown")

@@ -24,20 +24,20 @@ import canopen
 from eurobot_od.bus.live import open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
+from eurobot_od.canopen_names import NamedAsInCanopen
 from eurobot_od.client import lss
-from eurobot_od.client.canopen_names import NamedAsInCanopen
 from eurobot_od.client.description import LISTEN, Found, read_numbers, scan, uploaded
 from eurobot_od.client.drive402 import STATES
 from eurobot_od.client.lss import LssSteps, Result
 from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs, times
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
-from eurobot_od.client.streams import EndlessIterator
+from eurobot_od.client.streams import EndlessIterator, Keyed
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, canopen_state, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import DriveError, LocalError, NoAnswer, NodeRefused, RemoteError, UnknownName, look_up
+from eurobot_od.errors import DriveError, LocalError, RemoteError, UnknownName, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, folders
 from eurobot_od.od import DEFAULT, cia402
@@ -95,7 +95,7 @@ class NodeWatcher(EndlessIterator[NodeEvent]):
         return self._events.popleft()
 
 
-class NetworkOfDevices(Generic[AnyDevice]):
+class NetworkOfDevices(Keyed, Generic[AnyDevice]):
     """Base class of both networks; nothing in here waits.
 
     `library` describes nodes that are added without a file; it is that of the environment, if it names one.
@@ -570,10 +570,6 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
         """Return a device that was added, by its node-ID or name, or else the default."""
         return next((each for each in self if node in (each.node_id, each.name, each)), default)
 
-    def __contains__(self, node: int | str | RemoteDevice) -> bool:
-        """Return whether a device was added, by its node-ID or name."""
-        return self.get(node) is not None
-
     def __delitem__(self, node: int | str | RemoteDevice) -> None:
         """Forget a device that was added; raises UnknownName."""
         gone = self[node]
@@ -721,7 +717,7 @@ def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: An
 # commanded and asked by SDO, whatever the PDOs map. docs/python.md says what is different.
 
 
-RemoteNode, SdoAbortedError, SdoCommunicationError = RemoteDevice, NodeRefused, NoAnswer
+RemoteNode = RemoteDevice
 
 MODES = {words.upper().replace("PROFILE ", "PROFILED "): Mode(mode) for mode, words in MODE_WORDS.items()}
 """Modes of operation by their names in canopen."""

@@ -24,8 +24,8 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.variable import Bits
 
+from eurobot_od.canopen_names import NamedAsInCanopen, opened
 from eurobot_od.client import configure, program, streams
-from eurobot_od.client.canopen_names import NamedAsInCanopen, opened
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
 from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
@@ -52,8 +52,8 @@ CobIdChoice: TypeAlias = Literal["keep", "move"] | None
 # Objects
 
 
-ObjectKey: TypeAlias = "str | int | Address"
-"""An object's name, a number as a person writes it, an index, or an index and sub-index."""
+ObjectKey: TypeAlias = "str | int | Address | ObjectAtNode"
+"""An object's name, a number as a person writes it, an index, an index and sub-index, or an object."""
 
 Content: TypeAlias = bytes
 """Alias of `bytes`, as a property hides that name in the class."""
@@ -61,7 +61,7 @@ Content: TypeAlias = bytes
 Wrote: TypeAlias = Callable[["ODVariable", bytes], object]
 
 
-class ObjectAtNode(NamedAsInCanopen):
+class ObjectAtNode(NamedAsInCanopen, streams.Keyed):
     """The common part of the objects of both kinds of networks; nothing in here talks to the node."""
 
     __slots__ = ("_node", "_variables", "_wrote")  # so that a typo (`object.valu = 5`) is an error
@@ -109,15 +109,25 @@ class ObjectAtNode(NamedAsInCanopen):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self} of node {self._node.node_id}>"
 
-    def __getitem__(self, key: str | int) -> Self:
+    def __getitem__(self, key: str | int | ObjectAtNode) -> Self:
         """Return a member of a record by its name or sub-index; raises UnknownName."""
+        if isinstance(key, ObjectAtNode):
+            key = key.od.subindex
         found = [each for each in self._variables if key in (each.subindex, each.name)]
         if not found:
             raise UnknownName(f"member of 0x{self._variables[0].index:04X}", key, [v.name for v in self._variables])
         return type(self)(self._node, found, self._wrote)
 
     def __iter__(self) -> Iterator[Self]:
-        return (type(self)(self._node, [each], self._wrote) for each in self._variables)
+        """Yield the members of a record without sub-index 0, which is their number."""
+        return (type(self)(self._node, [each], self._wrote) for each in self._members)
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    @property
+    def _members(self) -> Sequence[ODVariable]:
+        return [each for each in self._variables if each.subindex] or self._variables
 
     def _typed(self, data: bytes, kind: Any) -> Any:
         value = objects.physical(self.od, decode(self.od, data))
@@ -246,7 +256,7 @@ class RemoteObject(ObjectAtNode):
     def items(self) -> list[tuple[int, RemoteObject]]:
         """Return the members of a record, with their sub-indices, up to the number in sub-index 0."""
         count = self[0].read(int)
-        return [(sub, each) for each in self if 0 < (sub := each.od.subindex) <= count]
+        return [(sub, each) for each in self if 0 < (sub := each.subindex) <= count]
 
     def keys(self) -> list[int]:
         """Return the sub-indices of `items`."""
@@ -337,7 +347,7 @@ class _NoMaster:
 UNCONNECTED: Any = _NoMaster()
 
 
-class DeviceAtNode:
+class DeviceAtNode(streams.Keyed):
     """Base class of the devices of both networks."""
 
     def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
@@ -367,11 +377,27 @@ class DeviceAtNode:
     def _variables(self, key: ObjectKey) -> list[ODVariable]:
         """Return the variables that a key names: one, or all of a record; raises UnknownName, LocalError."""
         known = self.dictionary.objects if self.dictionary else None
+        if isinstance(key, ObjectAtNode):
+            key = key.address
         if isinstance(key, str):
             return objects.find(key, known)
         if isinstance(key, int):
             return (objects.members(known, key) if known is not None else []) or [at((key, 0), known)]
         return [at(key, known)]
+
+    def __contains__(self, key: Any) -> bool:
+        """Return whether the file has an object with a name, number or address."""
+        try:
+            return self.dictionary is not None and all(map(objects.is_described, self._variables(key)))
+        except UnknownName:
+            return False
+
+    def __len__(self) -> int:
+        """Return how many objects the file has."""
+        return len([*all_objects(self.dictionary.objects)]) if self.dictionary else 0
+
+    def __bool__(self) -> bool:
+        return True
 
     @property
     def state(self) -> NmtState | None:

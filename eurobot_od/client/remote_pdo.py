@@ -14,7 +14,7 @@ from typing import Any, overload
 from canopen.objectdictionary import ODVariable
 from canopen.variable import Bits
 
-from eurobot_od.client.canopen_names import NamedAsInCanopen
+from eurobot_od.canopen_names import NamedAsInCanopen
 from eurobot_od.client.configure import map_objects
 from eurobot_od.client.master import PeriodicTask, finished
 from eurobot_od.client.streams import BlockingStream, MappedPdos, PdoReading, PdoStream, PdoValue

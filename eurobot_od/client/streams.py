@@ -17,14 +17,22 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 from weakref import WeakSet
 
-from eurobot_od.client.canopen_names import NamedAsInCanopen, missing, remedy_for
+from eurobot_od.canopen_names import NamedAsInCanopen, missing, remedy_for
 from eurobot_od.client.configure import pdo_parameters
 from eurobot_od.client.master import Master, Procedure, RemoteNode, blocking, finished
 from eurobot_od.device.broadcasts import REGISTER_BITS
-from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
+from eurobot_od.errors import (
+    EurobotError,
+    FieldError,
+    FrameLengthError,
+    LocalError,
+    MappingError,
+    NoAnswer,
+    UnknownName,
+)
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
@@ -57,22 +65,40 @@ class Closed(NamedAsInCanopen):
             object.__setattr__(self, name, value)
 
 
+class Keyed:
+    """Base of classes whose `[...]` raises UnknownName: `in` says whether it would."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def __getitem__(self, key: Any) -> Any:
+        """Return what has a name or number; raises UnknownName."""
+
+    def __contains__(self, key: object) -> bool:
+        try:
+            self[key]
+        except UnknownName:
+            return False
+        return True
+
+
 class Stream(Closed, Generic[Item]):
     """A stream of items: the `last` one (None before the first), and the `count` of them."""
 
-    def __init__(self, node: RemoteNode, name: str) -> None:
+    def __init__(self, node: RemoteNode, name: str, label: str = "") -> None:
         self.last: Item | None = None
         self.count = 0
         self.needs = ""
         """Text on what triggers the items, unless the node sends them by itself."""
         self.name = name
         self.node_id = node.node_id
+        self._label = f"{label or name} of node {node.node_id}"
         self._functions: list[Callable[[Item], object]] = []
         self._readers: WeakSet[StreamReader[Item]] = WeakSet()
         self._node = node
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name} of node {self.node_id}, last: {self.last}>"
+        return f"<{type(self).__name__} {self._label}, last: {self.last}>"
 
     def on(self, function: Callable[[Item], object]) -> Callable[[Item], object]:
         """Call a function with each item, in order; also a decorator.
@@ -106,7 +132,7 @@ class Stream(Closed, Generic[Item]):
         number = self.count
         await self._node.master.pump.steps(timeout, lambda: self.count > number)
         if self.count == number or self.last is None:
-            raise NoAnswer(f"the last one{self.needs}", f"{self.name} of node {self.node_id}", 1, timeout, self.node_id)
+            raise NoAnswer(f"the last one{self.needs}", self._label, 1, timeout, self.node_id)
         return self.last
 
 
@@ -225,22 +251,16 @@ async def clear_history(node: RemoteNode) -> None:
 EMCY_BYTES = 8
 
 
-class Emergency(NamedTuple):
+class Emergency(EurobotError, NamedAsInCanopen):
     """An emergency message: its time in seconds, the node, error code, error register and the maker's 5 bytes.
 
-    Code 0 means that an error has gone.
+    Code 0 means that an error has gone. A program may raise it.
     """
 
-    time: float
-    node_id: int
-    code: int
-    register: int
-    data: bytes
-
-    if not TYPE_CHECKING:  # type: ignore[misc]
-
-        def __getattr__(self, name: str) -> NoReturn:
-            raise AttributeError(missing("Emergency", remedy_for(Emergency, name), name), name=name, obj=self)
+    def __init__(self, time: float, node_id: int, code: int, register: int, data: bytes) -> None:
+        self.time, self.node_id = time, node_id
+        self.code, self.register, self.data = code, register, data
+        super().__init__(time, node_id, code, register, data)
 
     @property
     def text(self) -> str:
@@ -265,15 +285,13 @@ class HeardEmergencies(Stream[Emergency]):
     """Base class of both emergency streams."""
 
     def __init__(self, node: RemoteNode) -> None:
-        self.active: dict[int, Emergency] = {}
+        self.active: list[Emergency] = []
         super().__init__(node, "emergency message")
 
     def push(self, item: Emergency) -> None:
         EMCY_LOG.info("%s", item)
-        if item.code == ErrorCode.NO_ERROR:
-            self.active.clear()
-        else:
-            self.active[item.code] = item
+        others = [each for each in self.active if each.code != item.code]
+        self.active = [] if item.code == ErrorCode.NO_ERROR else [*others, item]
         super().push(item)
 
     def receive(self, data: bytes, now: float) -> None:
@@ -291,7 +309,7 @@ class HeardEmergencies(Stream[Emergency]):
 
 
 class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
-    """Emergency messages of a node; `active` has those since the last `no error`, by code."""
+    """Emergency messages of a node; `active` has the last of each code since the last `no error`."""
 
     def __init__(self, node: RemoteNode) -> None:
         self._log = deque[Emergency](maxlen=BACKLOG)
@@ -314,12 +332,12 @@ class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
 
     def reset(self) -> None:
         """Forget what has come; the node is not asked: see `clear`."""
-        self.active.clear()
+        self.active = []
         self._log.clear()
 
 
 class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
-    """Emergency messages of a node; `active` has those since the last `no error`, by code."""
+    """Emergency messages of a node; `active` has the last of each code since the last `no error`."""
 
     history, clear = HeardEmergencies._history, HeardEmergencies._clear
 
@@ -366,7 +384,7 @@ NEEDS_SYNC = ": it comes only with SYNC, see network.sync"
 Signal = TypeVar("Signal")
 
 
-class PdoStream(Stream[PdoReading]):
+class PdoStream(Stream[PdoReading], Keyed):
     """Base class of a PDO in both networks, decoded by its present mapping."""
 
     def __init__(self, node: RemoteNode, name: str, home: MappedPdos[Any]) -> None:
@@ -396,6 +414,9 @@ class PdoStream(Stream[PdoReading]):
         """Names of the mapped objects, in mapping order."""
         return [*self._binding.objects]
 
+    def __len__(self) -> int:
+        return len(self._binding.objects)
+
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names of the mapped objects, for completion in IPython."""
         return self.names
@@ -410,9 +431,9 @@ class PdoStream(Stream[PdoReading]):
             raise UnknownName(f"object of {self.name}", name, self.names)
         return found
 
-    def _signal(self, name: str, kind: Callable[[RemoteNode, str], Signal]) -> Signal:
+    def _signal(self, name: str, kind: Callable[[RemoteNode, str, str], Signal]) -> Signal:
         if name not in self._signals:
-            self._signals[name] = kind(self._node, f"{name} in {self.name}")
+            self._signals[name] = kind(self._node, name, f"{name} in {self.name}")
             if self.last is not None and name in self.last.values:
                 self._signals[name].last = PdoValue(self.last.time, self.last.values[name])
         self._signals[name].needs = self.needs
@@ -477,7 +498,7 @@ class AsyncPdoStream(PdoStream, AsyncStream[PdoReading]):
 AnyPdo = TypeVar("AnyPdo", bound=PdoStream)
 
 
-class MappedPdos(Generic[AnyPdo]):
+class MappedPdos(Keyed, Generic[AnyPdo]):
     """PDOs of a node by `TPDO1`, `RPDO2`, or the names of their communication records."""
 
     def __init__(self, node: RemoteNode, dictionary: Dictionary | None, kind: type[AnyPdo]) -> None:

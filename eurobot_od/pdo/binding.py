@@ -359,6 +359,8 @@ def parse(binding: Binding, fields: Sequence[str]) -> Message:
         limits = binding.limits.get(field)
         try:
             values[field] = kind.parse(value)
+        except UnknownName:
+            raise
         except (ValueError, KeyError):
             allowed = kind.allowed(limits) if limits else "nothing, as the loaded EDS does not map it"
             # without an equals sign, the whole word is the wrong value

@@ -41,3 +41,10 @@ and the end, and the server confirms the end.
 - The CRC (CCITT, start value 0) over the object's bytes detects a segment of an earlier block that was taken for one of
   this block. It is used if both ends offer it, as ours do.
 """
+
+from eurobot_od.canopen_names import module_attribute
+from eurobot_od.sdo import exceptions as exceptions
+from eurobot_od.sdo.exceptions import SdoAbortedError as SdoAbortedError
+from eurobot_od.sdo.exceptions import SdoCommunicationError as SdoCommunicationError
+
+__getattr__ = module_attribute(__name__)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 import canopen
@@ -15,17 +18,14 @@ import pytest
 
 import eurobot_od
 from eurobot_od import BaseNode402, RemoteNode
-from eurobot_od.client.canopen_names import MISSING
+from eurobot_od.canopen_names import MISSING
 from eurobot_od.client.master import PeriodicTask
 from eurobot_od.client.network import SimulatedNetwork
 from eurobot_od.client.streams import Emergency
 from eurobot_od.device.profiles import SimulatedDrive
-from eurobot_od.errors import HeartbeatLost, LocalError, NoAnswer, RemoteError, UnknownName
+from eurobot_od.errors import HeartbeatLost, LocalError, NoAnswer, NodeRefused, RemoteError, UnknownName
 from eurobot_od.od.cia402 import State
 from tests.client.servo import EDS, SERVO, servo
-
-OUR_MODULES = {"pdo", "sdo"}
-"""Packages of ours that have the names of canopen's, and something else in them."""
 
 
 def public(thing: object) -> set[str]:
@@ -79,7 +79,7 @@ def test_each_name_of_canopens_is_there_or_says_what_to_use_instead(
     ours: SimulatedNetwork, listed: str, in_canopen: Callable[[Any], Any], in_ours: Callable[[Any], Any]
 ) -> None:
     thing = in_ours(ours)
-    missing = public(in_canopen(theirs())) - {name for name in dir(thing) if name not in OUR_MODULES} - OUR_MODULES
+    missing = public(in_canopen(theirs())) - {*dir(thing)} - {"pdo", "sdo"}  # modules that are loaded with others
     kinds = {each.__name__ for each in type(thing).__mro__} | {listed}
     remedies = {name: remedy for kind in kinds for name, remedy in MISSING.get(kind, {}).items()}
     assert missing - {*remedies} == set()
@@ -88,8 +88,54 @@ def test_each_name_of_canopens_is_there_or_says_what_to_use_instead(
             getattr(thing, name)
 
 
+MODULES = ("emcy", "lss", "network", "nmt", "node", "objectdictionary", "pdo", "profiles.p402", "sdo", "sdo.exceptions")
+
+
+def defined_in(module: ModuleType) -> set[str]:
+    """Return the constants of a module of canopen's, and its classes, functions and modules; all that a package has."""
+    inside = canopen.__name__ if hasattr(module, "__path__") else module.__name__
+
+    def is_own(name: str, value: object) -> bool:
+        if isinstance(value, ModuleType):
+            return value.__name__.startswith(f"{module.__name__}.")
+        return name.isupper() or getattr(value, "__module__", "").startswith(inside)
+
+    return {name for name, value in vars(module).items() if name[0] != "_" and is_own(name, value)}
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_each_name_in_a_module_of_canopens_can_be_imported_or_says_what_to_use_instead(name: str) -> None:
+    module = import_module(f"eurobot_od.{name}")
+    assert f"eurobot_od.{name}" in {*sys.modules}
+    for each in sorted(defined_in(import_module(f"canopen.{name}"))):
+        line = f"from eurobot_od.{name} import {each}"
+        remedy = MISSING.get(module.__name__, {}).get(each)
+        if remedy is None:
+            exec(line)
+            continue
+        with pytest.raises(ImportError, match=f"'{each}', which canopen has; use instead: {re.escape(remedy)}$"):
+            exec(line)
+        with pytest.raises(AttributeError, match=f"use instead: {re.escape(remedy)}$"):
+            getattr(module, each)
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        ("from eurobot_od import LocalNode", "use instead: a `SimulatedDevice`"),
+        ("from eurobot_od.sync import SyncProducer", "use instead: `network.sync`"),
+        ("from eurobot_od.node.base import BaseNode", "use instead: `RemoteNode`"),
+        ("from eurobot_od import nonsense", "cannot import name 'nonsense'"),
+        ("import eurobot_od.nonsense", "No module named 'eurobot_od.nonsense'"),
+    ],
+)
+def test_an_import_that_cannot_be_done_says_so(line: str, error: str) -> None:
+    with pytest.raises(ImportError, match=error):
+        exec(line)
+
+
 def test_no_name_that_is_there_is_listed_as_missing(ours: SimulatedNetwork) -> None:
-    assert {listed for listed, *_ in SIDES} >= {*MISSING}
+    assert {listed for listed, *_ in SIDES} | {f"eurobot_od.{each}" for each in MODULES} >= {*MISSING}
     for listed, _, in_ours in SIDES:
         assert [*set(MISSING.get(listed, ())) & {*dir(in_ours(ours))}] == [], listed
 
@@ -136,7 +182,9 @@ def test_a_file_that_an_exception_ends_is_not_written() -> None:
 
 def iterated(network: SimulatedNetwork) -> object:
     seen: list[object] = []
-    network[5].tpdo[1].add_callback(lambda pdo: seen.extend((pdo.name, each.index, each.raw) for each in pdo))
+    network[5].tpdo[1].add_callback(
+        lambda pdo: seen.extend((pdo.name, each.name, each.index, each.raw) for each in pdo)
+    )
     network[5].nmt.state = "OPERATIONAL"
     network.sync.transmit()
     network.sleep(0.01)
@@ -154,6 +202,9 @@ def alarmed(network: SimulatedNetwork) -> object:
     network[5].receive(0x085, bytes([0x10, 0x81, 0x11, 0, 0, 0, 0, 0]), 0.0)
     network.sleep(0.01)
     logged = [each.code for each in network[5].emcy.log]
+    with pytest.raises(eurobot_od.emcy.EmcyError, match="node 5: 0x8110 overrun"):
+        raise network[5].emcy.active[-1]
+    logged += [each.code for each in network[5].emcy.active]
     network[5].emcy.reset()
     return seen, logged, network[5].emcy.log, network[5].emcy.active
 
@@ -185,6 +236,9 @@ def task_updated(network: SimulatedNetwork) -> object:
     return [data for cob_id, data in sent if cob_id == 0x300]
 
 
+YES_AND_NO = [True, True, False, False]
+
+
 @pytest.mark.parametrize(
     ("ask", "answer"),
     [
@@ -198,8 +252,27 @@ def task_updated(network: SimulatedNetwork) -> object:
         (lambda n: n[5].tpdo[1].read(), None),
         (lambda n: (n[5].sdo[0x6041].bits[6], n[5].sdo[0x6041].bits[range(5, 7)]), (1, 2)),
         (lambda n: (n[5].sdo[0x1018][1].index, n[5].sdo[0x1018][1].subindex), (0x1018, 1)),
-        (iterated, ("TPDO1", 0x6041, 0x240)),
-        (alarmed, ([0x8110, "overrun", 0.0], [0x8110], [], {})),
+        (iterated, ("TPDO1", "Statusword", 0x6041, 0x240)),
+        (lambda n: ["Controlword" in n[5].sdo, 0x6040 in n[5].sdo, "Wrong" in n[5].sdo, 0x5FFF in n[5]], YES_AND_NO),
+        (
+            lambda n: [
+                "Vendor-ID" in n[5].sdo[0x1018],
+                4 in n[5].sdo[0x1018],
+                5 in n[5].sdo[0x1018],
+                "x" in n[5][0x1018],
+            ],
+            YES_AND_NO,
+        ),
+        (lambda n: ["TPDO1" in n[5].pdo, 0x1A00 in n[5].pdo, "TPDO9" in n[5].pdo, 0x1A09 in n[5].pdo], YES_AND_NO),
+        (lambda n: [1 in n[5].tpdo, "Statusword" in n[5].tpdo[1], 9 in n[5].tpdo, "Wrong" in n[5].tpdo[1]], YES_AND_NO),
+        (lambda n: (len(n[5].sdo[0x1018]), len(n[5].tpdo[1]), len(n[5].sdo)), (4, 2, 187)),
+        (lambda n: [n[5].sdo[0x1018][each].subindex for each in n[5].sdo[0x1018]], [1, 2, 3, 4]),
+        (lambda n: [n[5].sdo[each].index for each in n[5].sdo][:2], [0x1000, 0x1001]),
+        (
+            lambda n: (n[5].tpdo.get(9), RemoteNode(6).sdo is not None, bool(RemoteNode(6)), 1 in RemoteNode(6)),
+            (None, True, True, False),
+        ),
+        (alarmed, ([0x8110, "overrun", 0.0], [0x8110, 0x8110], [], [])),
         (beaten, 0),
         (timed, ["100#e80300000100"]),
         (task_updated, [b"\1", b"\2"]),
@@ -213,6 +286,35 @@ def task_updated(network: SimulatedNetwork) -> object:
 def test_a_name_of_canopens_does_what_it_does_there(ask: Callable[[SimulatedNetwork], object], answer: object) -> None:
     with servo() as network:
         assert ask(network) == answer
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda n: n[5].sdo["Operation Mode"],
+        lambda n: n[5].sdo["Identity object.Wrong"],
+        lambda n: n[5].sdo[0x1018][9],
+        lambda n: n[5].pdo["TPDO9"],
+        lambda n: n[5].tpdo[9],
+        lambda n: n[5].tpdo[1]["Wrong"],
+        lambda n: n[6],
+        lambda n: n.__delitem__(6),
+    ],
+)
+def test_an_unknown_name_is_a_key_error_in_one_line(ask: Callable[[SimulatedNetwork], object]) -> None:
+    with servo() as network, pytest.raises(KeyError) as raised:
+        ask(network)
+    assert str(raised.value).startswith("unknown ")
+
+
+def test_an_abort_is_caught_by_each_name_of_its_class() -> None:
+    import eurobot_od.sdo  # as any network does
+
+    names = (eurobot_od.SdoAbortedError, eurobot_od.sdo.SdoAbortedError, eurobot_od.sdo.exceptions.SdoAbortedError)
+    for each in names:
+        with servo() as network, pytest.raises(each):
+            network[5].sdo.upload(0x5FFF, 0)
+    assert names[0] is NodeRefused
 
 
 def test_a_node_of_canopens_own_class_is_refused_with_what_to_import() -> None:

@@ -18,8 +18,6 @@ from eurobot_od.client.network import (
     BaseNode402,
     Network,
     RemoteNode,
-    SdoAbortedError,
-    SdoCommunicationError,
     SimulatedNetwork,
     simulated,
 )
@@ -28,6 +26,7 @@ from eurobot_od.errors import EurobotError, HeartbeatLost, LocalError, UnknownNa
 from eurobot_od.od.standard import LssState
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.sdo import SdoAbortedError, SdoCommunicationError
 from tests.client.peers import LIFT, new_channel, open_bus
 from tests.client.servo import DOCS, EDS, SERVO, live_servos, servo
 
@@ -273,7 +272,7 @@ def booted(network: SimulatedNetwork) -> object:
         (lambda n: n[5].tpdo[1] is n[5].pdo["TPDO1"], True),
         (lambda n: n[5].pdo[0x1A00] is n[5].pdo[0x1800] is n[5].pdo.tx[1], True),
         (lambda n: n[5].pdo.rx[1].trans_type, 255),
-        (lambda n: n[5].tpdo["Velocity actual value"].name, "Velocity actual value in TPDO1"),
+        (lambda n: n[5].tpdo["Velocity actual value"].name, "Velocity actual value"),
         (sent_by_rpdo, -70),
         (sent_again, ["000000000000", "05", "000005000000"]),
         (switched_off, (False, 0x8000_0185, [])),

@@ -1,23 +1,30 @@
-"""Names of the canopen package that our classes do not have, each with what to use instead; objects as files.
+"""Names of the canopen package that we do not have, each with what to use instead; objects as files.
 
-A program for canopen that asks for such a name gets an AttributeError that ends with the remedy. docs/canopen.md shows
-the table, and a test compares both packages, name by name.
+A program for canopen that asks for such a name gets an AttributeError or ImportError that ends with the remedy.
+docs/canopen.md shows the table, and a test compares both packages, name by name.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from importlib.machinery import ModuleSpec
 from io import BytesIO, TextIOWrapper
+from operator import attrgetter
+from types import ModuleType
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 from warnings import warn
 
 from eurobot_od.errors import LocalError
 
+OURS = __name__.partition(".")[0]
+INSTEAD = "use instead"
 SHARED = "`network.master` is what the objects of a network share"
 HEARD = "frames reach it by themselves: `network.subscribe(cob_id, function)` for your own use"
 SIMULATED = "a `SimulatedDevice` run by `Live.node(bus, device)`, or a `LocalNode` of canopen on a bus of its own"
 OWN_THREAD = "leave it out: the network reads on a thread of its own; `check()` raises what has stopped it"
 WAITS = "`drive402` has the same with `within` in seconds"
+OBJECT = "`node[...]`"
 VARIABLE = "the variable of the file has it: `.od`"
 RECORDS = "the objects themselves: `node[0x1800, 1]`, `node[0x1A00, 1]`"
 
@@ -25,12 +32,41 @@ MISSING = {
     "eurobot_od": {
         "LocalNode": SIMULATED,
         "NodeScanner": "`network.scanner`, or `network.scan()`",
-        "network": "`Network`",
-        "node": "`RemoteNode`",
         "sync": "`network.sync`",
         "timestamp": "`network.time`",
         "utils": "`eurobot_od.od`",
-        "variable": "`node[...]`",
+        "variable": OBJECT,
+    },
+    "eurobot_od.emcy": {"EmcyConsumer": "`node.emcy`", "EmcyProducer": SIMULATED},
+    "eurobot_od.lss": {"LssMaster": "`network.lss`"},
+    "eurobot_od.network": {
+        "MessageListener": "`network.subscribe(cob_id, function)`",
+        "NodeScanner": "`network.scanner`, or `network.scan()`",
+        "PeriodicMessageTask": "`network.send_periodic`",
+    },
+    "eurobot_od.nmt": {
+        "NmtBase": "`node.nmt`, or `network.nmt`",
+        "NmtMaster": "`node.nmt`, or `network.nmt`",
+        "NmtSlave": SIMULATED,
+    },
+    "eurobot_od.node": {"LocalNode": SIMULATED, "base": "`RemoteNode`", "local": SIMULATED},
+    "eurobot_od.pdo": {
+        "PDO": "`node.pdo`",
+        "PdoBase": "`node.pdo`",
+        "PdoMap": "`node.tpdo[1]`",
+        "PdoMaps": "`node.tpdo`, or `node.rpdo`",
+        "PdoVariable": "`node.tpdo[1][0]`",
+        "RPDO": "`node.rpdo`",
+        "TPDO": "`node.tpdo`",
+        "Variable": "`node.tpdo[1][0]`",
+        "base": "`node.pdo`",
+    },
+    "eurobot_od.profiles.p402": {"Homing": "`homing()`, or `drive402.home()`"},
+    "eurobot_od.sdo": {
+        **dict.fromkeys(("Array", "Record", "SdoArray", "SdoRecord", "SdoVariable", "Variable", "base"), OBJECT),
+        "SdoClient": "`node.sdo`",
+        "SdoServer": SIMULATED,
+        "constants": "`eurobot_od.sdo.wire`",
     },
     "Network": {
         "NOTIFIER_CYCLE": OWN_THREAD,
@@ -185,7 +221,7 @@ MISSING = {
         "write": "`raw = ...`, or `phys = ...`",
     },
 }
-"""What to use instead, by our class (`eurobot_od` for the package) and canopen's name."""
+"""What to use instead, by our class or module and canopen's name."""
 
 
 def remedy_for(kind: type, name: str) -> str:
@@ -195,7 +231,47 @@ def remedy_for(kind: type, name: str) -> str:
 
 def missing(owner: str, remedy: str, name: str) -> str:
     """Return the text of the error about an attribute that is not there, with what to use in place of canopen's."""
-    return f"{owner} has no attribute {name!r}{remedy and f', which canopen has; use instead: {remedy}'}"
+    return f"{owner} has no attribute {name!r}{remedy and f', which canopen has; {INSTEAD}: {remedy}'}"
+
+
+def module_attribute(module: str) -> Callable[[str], NoReturn]:
+    """Return the `__getattr__` of a module with a name of canopen's."""
+
+    def refuse(name: str) -> NoReturn:
+        raise AttributeError(missing(f"module {module!r}", MISSING.get(module, {}).get(name, ""), name), name=name)
+
+    return refuse
+
+
+class ModulesOfCanopen:
+    """Lets `from eurobot_od.nmt import NmtError` find its module, which is an attribute of the package.
+
+    It is finder and loader, without Python's base class, whose import takes longer than ours.
+    Python asks for `eurobot_od.LocalNode`, too, before it says that `from eurobot_od import LocalNode` cannot be done;
+    the ImportError is then the one with the remedy.
+    """
+
+    @classmethod
+    def find_spec(cls, name: str, *_: object) -> ModuleSpec | None:
+        """Return how a module of canopen's is loaded, None for others; raises ImportError for a missing name."""
+        try:
+            return ModuleSpec(name, cls()) if isinstance(cls._found(name), ModuleType) else None  # type: ignore[arg-type]
+        except AttributeError as error:
+            if INSTEAD in str(error):
+                raise ImportError(str(error), name=name) from None
+            return None
+
+    @staticmethod
+    def _found(name: str) -> object:
+        package, _, inside = name.partition(".")
+        return attrgetter(inside)(sys.modules[package]) if package == OURS else None
+
+    def create_module(self, _: ModuleSpec) -> None:
+        """Leave it to Python to make the module, which `exec_module` replaces."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Put the attribute of the package in the place of the new module."""
+        sys.modules[module.__name__] = self._found(module.__name__)  # type: ignore[assignment]
 
 
 class NamedAsInCanopen:
