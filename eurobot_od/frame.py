@@ -7,9 +7,9 @@ and dropped. The decoder and other listeners get all frames.
 from __future__ import annotations
 
 import re
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import FieldError, LocalError
 
 Data: TypeAlias = bytes | bytearray
 """Data of a frame that is only read; python-can's messages have a bytearray."""
@@ -39,6 +39,19 @@ class Frame(NamedTuple):
     def is_remote(self) -> bool:
         """Whether the frame carries no data, but requests some."""
         return False
+
+    @classmethod
+    def checked(cls, cob_id: Any, data: Any) -> Frame:
+        """Return a frame that a program gives; raises FieldError unless the bus can carry it."""
+        if not isinstance(cob_id, int) or cob_id not in range(HIGHEST_IDENTIFIER + 1):
+            raise FieldError("frame", "identifier", cob_id, f"0..0x{HIGHEST_IDENTIFIER:03X}")
+        try:
+            content = None if isinstance(data, (str, int)) else bytes(data)
+        except (TypeError, ValueError):
+            content = None
+        if content is None or len(content) > MOST_BYTES:
+            raise FieldError(f"frame 0x{cob_id:03X}", "data", data, f"up to {MOST_BYTES} bytes")
+        return cls(cob_id, content)
 
     @classmethod
     def parse(cls, text: str) -> Frame:

@@ -24,7 +24,8 @@ ELSEWHERE = {
     "status_2", "status_3", "FIELD_flag",  # what we make of a device's names
     "RPDO2", "sub9", "m1fixed2000", "Pool_1", "Record.Member", "Motor.Speed", "Motion.Speed", "motor.TPDO1",  # examples
     "setQueueCANListener", "setFunctionCANListener",  # the document's
-    "LocalNode", "receive_own_messages", "DeprecationWarning",  # canopen's, python-can's, Python's
+    "eurobot_od.profiles.p402", "LocalNode", "receive_own_messages",  # canopen's, python-can's
+    "DeprecationWarning",  # Python's
     "device.drive402", "drive.od", "drive.emcy", "drive.nmt", "drive.tpdo", "drive.rpdo",  # members of an example
     "CO_storageGroup", "CO_countLabel", "CO_accessSRDO", "CO_stringLengthMin", "COB_ID_EMCY",  # CANopenNode's
     "checks/",  # a folder of a team's

@@ -2,6 +2,7 @@
 
 from types import ModuleType
 
+import canopen.emcy
 import canopen.lss
 import canopen.nmt
 from canopen.profiles import p402
@@ -21,7 +22,7 @@ def _module(name: str, /, constants: ModuleType | None = None, **names: object) 
     return made
 
 
-emcy = _module("emcy", EmcyError=Emergency)
+emcy = _module("emcy", canopen.emcy, EmcyError=Emergency)
 lss = _module("lss", canopen.lss, LssError=RemoteError)
 network = _module("network", Network=Network)
 nmt = _module("nmt", canopen.nmt, NmtError=HeartbeatLost)

@@ -23,6 +23,7 @@ from contextlib import AbstractAsyncContextManager, AbstractContextManager, cont
 from datetime import datetime
 from functools import partial, update_wrapper, wraps
 from itertools import count
+from numbers import Real
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
@@ -53,6 +54,7 @@ P = ParamSpec("P")
 Result = TypeVar("Result")
 Owner = TypeVar("Owner")
 Rest = ParamSpec("Rest")
+Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class Procedure(Generic[P, Result]):
@@ -122,6 +124,23 @@ BOOT_WAIT = 5.0
 """Timeout from a reset to the boot-up message, in s."""
 
 
+CLOSED = "the network is closed"
+
+
+def seconds(time: float) -> float:
+    """Return a time that a program gives; raises LocalError unless it is a number."""
+    if not isinstance(time, Real):
+        raise errors.LocalError(f"a time is a number of seconds, not {time!r}")
+    return time
+
+
+def function_of(function: Function) -> Function:
+    """Return a function that a program gives; raises LocalError if it cannot be called."""
+    if not callable(function):
+        raise errors.LocalError(f"{function!r} is no function, and cannot be called")
+    return function
+
+
 Observer: TypeAlias = Callable[[int, bytes, float], object]
 """Function called with the COB-ID, data and time (in s) of a frame."""
 
@@ -155,8 +174,8 @@ class Master:
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[PeriodicTask] = []
-        self.failure: errors.BusError | None = None
-        """Error of the thread that reads the bus, None while it works."""
+        self.failure: errors.EurobotError | None = None
+        """Why no frame comes: the error of the thread that reads the bus, or the network is closed; else None."""
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
         """Lock held while frames are taken in, if another thread does that."""
@@ -230,7 +249,7 @@ class Master:
     @Procedure
     async def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
         """Take in frames for `wait` seconds or until `done`; return whether it is done. Raises BusError."""
-        return await self.take_in(wait, done)
+        return await self.take_in(seconds(wait), done)
 
     async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         """Implement `pump`; subclasses override it.
@@ -287,7 +306,7 @@ class PeriodicTask:
     def __init__(self, master: Master, frames: Sequence[Frame], period: float, remote: bool = False) -> None:
         import can
 
-        if not period > 0:
+        if not seconds(period) > 0:
             raise errors.LocalError(f"the period is a time longer than 0 s, not {period} s")
         kind: dict[str, Any] = {"is_extended_id": False, "is_remote_frame": remote, "dlc": 1 if remote else None}
         self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, **kind) for f in frames]
@@ -295,6 +314,10 @@ class PeriodicTask:
         self._task: Any = None
         self._start()
         master.periodic.append(self)
+
+    def is_sending(self, cob_id: int) -> bool:
+        """Return whether it sends frames of an identifier, and is not stopped."""
+        return self._task is not None and any(each.arbitration_id == cob_id for each in self._messages)
 
     def resume(self) -> None:
         """Start again on a reopened bus, unless it was stopped."""
@@ -399,6 +422,8 @@ class RemoteNode:
         Long contents go by block transfer, or by segments if the node does not take the first block, however it says
         so.
         """
+        if not isinstance(data, (bytes, bytearray)):
+            raise errors.FieldError(values.label(address), name or "content", data, "bytes")
         answer_wait, taken = wait or self.answer_wait, [0]
         if len(data) > BLOCK_FROM:
 

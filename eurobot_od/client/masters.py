@@ -26,8 +26,8 @@ import can
 
 from eurobot_od.bus.live.buses import Driver, Opener
 from eurobot_od.bus.live.reader import FrameReader
-from eurobot_od.client.master import ANSWER_WAIT, Master
-from eurobot_od.errors import BusError, LocalError
+from eurobot_od.client.master import ANSWER_WAIT, CLOSED, Master
+from eurobot_od.errors import BusError, LocalError, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
 
 SEND_WAIT = 0.5
@@ -139,9 +139,10 @@ class FedMaster(Master):
         """Do nothing: frames are taken in as they come."""
 
     def close(self) -> None:
-        """Stop periodic frames and the reading."""
+        """Stop periodic frames and the reading; a call that waits for frames raises StateError."""
         self.stop_periodic()
         self._feed.stop()
+        self.failure = StateError(CLOSED)
 
     def _back(self) -> None:
         self.failure = None
@@ -189,8 +190,10 @@ class ThreadedMaster(FedMaster):
             return done()
 
     def close(self) -> None:
-        """Stop periodic frames, the reading and the users' functions."""
+        """Stop periodic frames, the reading and the users' functions; a call that waits raises StateError."""
         super().close()
+        with self._changed:
+            self._changed.notify_all()
         self._calls.put(None)
         if self._caller is not threading.current_thread():
             self._caller.join(PATIENCE)
@@ -237,6 +240,11 @@ class LoopMaster(FedMaster):
             except BusError as error:  # from what a transfer sends next
                 self.failure = error
             self._wake()  # after each frame, as the next one may undo the awaited condition
+
+    def close(self) -> None:
+        """Stop periodic frames and the reading; a call that waits for frames raises StateError."""
+        super().close()
+        self._wake()
 
     def _failed(self, why: BusError) -> None:
         def fail() -> None:

@@ -21,7 +21,7 @@ from typing import Any, Generic, Self, TypeAlias, TypeVar
 import can
 import canopen
 
-from eurobot_od.bus.live import open_bus
+from eurobot_od.bus.live import is_named, open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.canopen_names import NamedAsInCanopen
@@ -29,15 +29,33 @@ from eurobot_od.client import lss
 from eurobot_od.client.description import LISTEN, Found, read_numbers, scan, uploaded
 from eurobot_od.client.drive402 import STATES
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, PeriodicTask, blocking, syncs, times
+from eurobot_od.client.master import (
+    ANSWER_WAIT,
+    CLOSED,
+    NMT_LOG,
+    Master,
+    PeriodicTask,
+    blocking,
+    function_of,
+    syncs,
+    times,
+)
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, ThreadedMaster, feed_of
-from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
+from eurobot_od.client.remote_device import (
+    DISCONNECTED,
+    UNCONNECTED,
+    AsyncRemoteDevice,
+    DeviceAtNode,
+    DeviceFile,
+    NoMaster,
+    RemoteDevice,
+)
 from eurobot_od.client.streams import EndlessIterator, Keyed
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, canopen_state, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import DriveError, LocalError, RemoteError, UnknownName, look_up
+from eurobot_od.errors import DriveError, LocalError, RemoteError, StateError, UnknownName, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, folders
 from eurobot_od.od import DEFAULT, cia402
@@ -64,9 +82,13 @@ AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
 
 LSS_WAIT = lss.ANSWER_WAIT
 
+NO_BUS = 'which bus? Name interface and channel, such as "socketcan", "can0", or configure python-can'
+
 
 def _feed(bus: BusName, channel: Channel, bitrate: int | None, **options: Any) -> Feed:
     """Open a bus by its interface, or share one that is open; raises BusError, LocalError."""
+    if bus is None and not is_named(bus):
+        raise LocalError(NO_BUS)
     if bus is None or isinstance(bus, str):
         return OwnFeed(partial(open_bus, bus, channel, bitrate, **options))
     return feed_of(bus)
@@ -154,6 +176,18 @@ class NetworkOfDevices(Keyed, Generic[AnyDevice]):
         for device in self:
             device.join(master)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the network has a bus."""
+        return not isinstance(self.master, NoMaster)
+
+    def _end(self) -> None:
+        if self.is_open:
+            self.master.close()
+            self.master = DISCONNECTED
+            for device in self:
+                device.leave()
+
     def _receive(self, cob_id: int, data: bytes, now: float) -> None:
         for device in self._devices.values():
             device.receive(cob_id, data, now)
@@ -167,7 +201,7 @@ class NetworkOfDevices(Keyed, Generic[AnyDevice]):
         return self._added(self._kind(node_id, file, name))
 
     def _added(self, device: AnyDevice) -> AnyDevice:
-        if self.master is not UNCONNECTED:
+        if self.is_open:
             device.join(self.master)
         # Replaced as a whole, as the reader may be iterating over it.
         self._devices = {**self._devices, device.node_id: device}
@@ -201,7 +235,7 @@ class NetworkOfDevices(Keyed, Generic[AnyDevice]):
 
     def send(self, cob_id: int, data: bytes = b"") -> None:
         """Send any frame: an 11-bit identifier and up to 8 bytes. Raises BusError."""
-        self.master.send(cob_id, data)
+        self.master.send(*Frame.checked(cob_id, data))
 
     @property
     def sync(self) -> NetworkSync:
@@ -455,13 +489,15 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
 
     _kind = RemoteDevice
 
-    def __init__(self, master: Master | None = None) -> None:
+    def __init__(self, bus: can.BusABC | Master | None = None) -> None:
         super().__init__()
         self.nmt, self.lss, self.scanner = NetworkNmt(self), NetworkLss(self), NodeScanner(self)
         self.time = NetworkTime(self)
         self._subscribers: dict[int, list[Callback]] = {}
-        if master is not None:
-            self._begin(master)
+        if isinstance(bus, Master):
+            self._begin(bus)
+        elif bus is not None:
+            self.bus = bus
 
     @classmethod
     def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
@@ -486,17 +522,21 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
         return self.add_node(RemoteDevice(node_id, file or self._in_library(node_id, name), name))
 
     def _in_library(self, node_id: int, name: str) -> Dictionary | None:
-        if self.library is None or self.master is UNCONNECTED:
+        if self.library is None or not self.is_open:
             return None
         describe = LibraryDevices(self.library, NMT_LOG.warning, nodes={node_id: NodeFile("", node_id, name)})
         return describe(node_id, read_numbers(self.master.node(node_id)))
 
     def close(self) -> None:
-        """Stop periodic frames and threads, and close the bus unless it is shared."""
-        if self.master is not UNCONNECTED:
-            self.master.close()
+        """Stop periodic frames and threads, and close the bus unless it is shared.
+
+        A call that waits, or comes later, raises StateError, until `connect` opens a bus again.
+        """
+        self._end()
 
     def __enter__(self) -> Self:
+        if self.master is DISCONNECTED:
+            raise StateError(CLOSED)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -520,6 +560,8 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
     ) -> Self:
         """Open the bus of a network that was created without one, with the arguments of canopen.
 
+        A network that is open is closed first, unless nothing is given: then it keeps its bus.
+
         Args:
             channel: the adapter or bus, such as `can0`
             interface: name of python-can's interface, such as `socketcan`
@@ -528,18 +570,23 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
             options: options of the interface, such as `receive_own_messages`
 
         Raises:
+            LocalError: neither an argument nor python-can's configuration names an interface
             BusError: the bus cannot be opened
         """
+        if self.is_open and (channel, interface, bitrate, bustype) == (None,) * 4 and not options:
+            return self
+        self._end()
         self._begin(ThreadedMaster(_feed(interface or bustype, channel, bitrate, **options)))
         return self
 
     @property
     def bus(self) -> can.BusABC | None:
-        """python-can's bus, None before `connect`; a network without one may be given one, which stays open."""
-        return None if self.master is UNCONNECTED else self.master.bus
+        """python-can's bus, None while there is none; a network without one may be given one, which stays open."""
+        return self.master.bus if self.is_open else None
 
     @bus.setter
     def bus(self, bus: can.BusABC) -> None:
+        self._end()
         self._begin(ThreadedMaster(_feed(bus, None, None)))
 
     disconnect = close
@@ -598,15 +645,15 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send a frame, or a remote frame if `remote`."""
-        self.master.request(can_id) if remote else self.send(can_id, bytes(data))
+        self.master.request(can_id) if remote else self.send(can_id, data)
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicTask:
         """Send a frame every `period` seconds, until `stop()` of what is returned; raises LocalError, BusError."""
-        return PeriodicTask(self.master, [Frame(can_id, bytes(data or b""))], period, remote)
+        return PeriodicTask(self.master, [Frame.checked(can_id, data or b"")], period, remote)
 
     def subscribe(self, can_id: int, callback: Callback) -> None:
         """Call a function with the COB-ID, data and time of each frame of an identifier."""
-        self._subscribers.setdefault(can_id, []).append(callback)
+        self._subscribers.setdefault(can_id, []).append(function_of(callback))
 
     def unsubscribe(self, can_id: int, callback: Callback | None = None) -> None:
         """Stop calling a function, or all functions of an identifier."""
@@ -651,7 +698,7 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
 
     def close(self) -> None:
         """Stop periodic frames and the reading, and close the bus unless it is shared."""
-        self.master.close()
+        self._end()
 
     scan = NetworkOfDevices._scan
 

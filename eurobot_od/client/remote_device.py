@@ -18,7 +18,7 @@ from functools import partial
 from io import StringIO
 from numbers import Real
 from pathlib import Path
-from typing import IO, Any, Literal, NoReturn, Self, TypeAlias, overload
+from typing import IO, Any, Literal, NoReturn, Self, TypeAlias, TypeGuard, overload
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -29,7 +29,16 @@ from eurobot_od.client import configure, program, streams
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
 from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
-from eurobot_od.client.master import Master, PeriodicTask, RemoteNode, blocking, finished
+from eurobot_od.client.master import (
+    CLOSED,
+    Master,
+    PeriodicTask,
+    RemoteNode,
+    blocking,
+    finished,
+    function_of,
+    seconds,
+)
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import BlockingPdoStream, PdosOfDirection, RemotePdos
 from eurobot_od.device.nmt import TARGET, TOGGLE, NmtCommand, NmtState, canopen_state, command_to
@@ -54,6 +63,10 @@ CobIdChoice: TypeAlias = Literal["keep", "move"] | None
 
 ObjectKey: TypeAlias = "str | int | Address | ObjectAtNode"
 """An object's name, a number as a person writes it, an index, an index and sub-index, or an object."""
+
+INDICES, SUBINDICES = range(0x10000), range(0x100)
+NUMBERS = ("a name", "an index 0..0xFFFF", "(index, sub-index 0..0xFF)")
+"""What an object is known by, for errors."""
 
 Content: TypeAlias = bytes
 """Alias of `bytes`, as a property hides that name in the class."""
@@ -325,6 +338,14 @@ DeviceFile: TypeAlias = "str | Path | Dictionary | ObjectDictionary | None"
 """An EDS or DCF, or a dictionary made from one; None if only the node-ID is known."""
 
 
+def is_address(key: object) -> TypeGuard[Address]:
+    """Return whether a key is an index and a sub-index in their ranges."""
+    match key:
+        case int(index), int(subindex):
+            return index in INDICES and subindex in SUBINDICES
+    return False
+
+
 def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
     if file is None or isinstance(file, Dictionary):
         return file if file is None or file.node_id == node_id else file.renumbered(node_id)
@@ -335,37 +356,46 @@ def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
     return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
 
 
-class _NoMaster:
-    """Placeholder of the master while the network is not open."""
+class NoMaster:
+    """Placeholder of the master while the network is not open, which says so."""
+
+    def __init__(self, why: str) -> None:
+        self._why = why
 
     def __getattr__(self, name: str) -> NoReturn:
         if name.startswith("__"):  # `help` looks for optional special methods
             raise AttributeError(name)
-        raise StateError("the network is not open yet: `connect` or `async with` opens it")
+        raise StateError(self._why)
 
 
-UNCONNECTED: Any = _NoMaster()
+UNCONNECTED: Any = NoMaster("the network is not open yet: `connect` or `async with` opens it")
+DISCONNECTED: Any = NoMaster(CLOSED)
 
 
 class DeviceAtNode(streams.Keyed):
     """Base class of the devices of both networks."""
 
-    def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
+    def __init__(self, node_id: int, object_dictionary: DeviceFile = None, name: str = "") -> None:
         if node_id not in NODE_IDS:
-            raise LocalError(f"node-ID {node_id} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
-        dictionary = _dictionary(file, node_id)
+            raise LocalError(f"node-ID {node_id!r} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+        dictionary = _dictionary(object_dictionary, node_id)
         self.node_id, self.dictionary = node_id, dictionary
         self.name = name or (dictionary.name if dictionary else f"node {node_id}")
         self._node = RemoteNode(UNCONNECTED, node_id)
         self._emcy_id = dictionary.cob_id(EMCY, EMCY_BASE) if dictionary else EMCY_BASE + node_id
         self._pdos: streams.MappedPdos[Any]
         self._emergencies: streams.HeardEmergencies
+        self._nmt: NmtOfNode
 
     def join(self, master: Master) -> None:
         """Join an open network."""
         self._node.master = master
         if self.dictionary is not None:
             master.follow(self.dictionary)
+
+    def leave(self) -> None:
+        """Note that the network is closed."""
+        self._node.master = DISCONNECTED
 
     @property
     def od(self) -> ObjectDictionary:
@@ -381,9 +411,11 @@ class DeviceAtNode(streams.Keyed):
             key = key.address
         if isinstance(key, str):
             return objects.find(key, known)
-        if isinstance(key, int):
-            return (objects.members(known, key) if known is not None else []) or [at((key, 0), known)]
-        return [at(key, known)]
+        address = (key, 0) if isinstance(key, int) else key
+        if not is_address(address):
+            raise UnknownName("object", key, NUMBERS)
+        found = objects.members(known, key) if isinstance(key, int) and known is not None else []
+        return found or [at(address, known)]
 
     def __contains__(self, key: Any) -> bool:
         """Return whether the file has an object with a name, number or address."""
@@ -416,6 +448,8 @@ class DeviceAtNode(streams.Keyed):
         """Process a frame, which may be this node's."""
         if cob_id == self._emcy_id:
             self._emergencies.receive(data, now)
+        elif cob_id == ERROR_CONTROL_BASE + self.node_id and data:
+            self._nmt.heard(data[0])
         self._pdos.receive(cob_id, data, now)
 
     def _wrote(self, thing: ODVariable, data: bytes) -> None:
@@ -504,6 +538,8 @@ class DeviceAtNode(streams.Keyed):
         Raises:
             ProgramError: a step failed; the text says in which state the node was left, and how to go on
         """
+        if not isinstance(content, (bytes, bytearray)):
+            raise LocalError(f"a program is bytes, not {content!r}")
         return await program.load.steps(self._node, content, number, check_crc, progress, self.dictionary)
 
 
@@ -515,10 +551,16 @@ class NmtOfNode(streams.Closed):
     """Base class of the NMT commands of both networks."""
 
     def __init__(self, device: DeviceAtNode) -> None:
+        self._functions: tuple[Callable[[int], object], ...] = ()
         self._node = device._node
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of node {self._node.node_id}>"
+
+    def heard(self, state: int) -> None:
+        """Call the functions for a heartbeat or boot-up message with its state."""
+        for function in self._functions:
+            self._node.master.call(partial(function, state & ~TOGGLE))
 
     async def _start(self, within: float | None = None) -> None:
         """Switch the node to OPERATIONAL, where it sends and receives PDOs."""
@@ -587,13 +629,7 @@ class NodeNmt(NmtOfNode):
 
     def add_heartbeat_callback(self, function: Callable[[int], object]) -> None:
         """Register a function that is called with the number of the state in each heartbeat and boot-up message."""
-        master = self._node.master
-
-        def hear(cob_id: int, data: bytes, _: float) -> None:
-            if cob_id == ERROR_CONTROL_BASE + self._node.node_id and data:
-                master.call(partial(function, data[0] & ~TOGGLE))
-
-        master.observers = (*master.observers, hear)
+        self._functions = (*self._functions, function_of(function))
 
     add_hearbeat_callback = add_heartbeat_callback  # canopen has both spellings
 
@@ -629,9 +665,9 @@ class RemoteDevice(DeviceAtNode, NamedAsInCanopen):
             print(motor["Temperature"].value)
     """
 
-    def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
-        super().__init__(node_id, file, name)
-        self.nmt = NodeNmt(self)
+    def __init__(self, node_id: int, object_dictionary: DeviceFile = None, name: str = "") -> None:
+        super().__init__(node_id, object_dictionary, name)
+        self.nmt = self._nmt = NodeNmt(self)
         self.emcy = self._emergencies = streams.EmergencyStream(self._node)
         self.pdo = self._pdos = RemotePdos(self._node, self.dictionary, BlockingPdoStream)
 
@@ -688,7 +724,7 @@ class RemoteDevice(DeviceAtNode, NamedAsInCanopen):
 
     RESPONSE_TIMEOUT = property(
         lambda self: self._node.answer_wait,
-        lambda self, wait: setattr(self._node, "own_wait", wait),
+        lambda self, wait: setattr(self._node, "own_wait", seconds(wait)),
         doc="Seconds that this node has for an answer; see `answer_wait` of `Network.open`.",
     )
 
@@ -736,9 +772,9 @@ class AsyncRemoteDevice(DeviceAtNode):
     `async for reading in drive.pdo["TPDO1"]`.
     """
 
-    def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
-        super().__init__(node_id, file, name)
-        self.nmt = AsyncNodeNmt(self)
+    def __init__(self, node_id: int, object_dictionary: DeviceFile = None, name: str = "") -> None:
+        super().__init__(node_id, object_dictionary, name)
+        self.nmt = self._nmt = AsyncNodeNmt(self)
         self.emcy = self._emergencies = streams.AsyncEmergencyStream(self._node)
         self.pdo = self._pdos = streams.AsyncRemotePdos(self._node, self.dictionary, streams.AsyncPdoStream)
 

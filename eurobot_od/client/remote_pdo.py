@@ -269,7 +269,9 @@ class RemotePdos(MappedPdos[BlockingPdoStream], NamedAsInCanopen):
         """Return a PDO by name or by the index of a record; raises UnknownName, also for a disabled one."""
         valid = self._pdos.items()
         indices = {i: key for key, pdo in valid for i in (pdo.records.index, pdo.records.mapping_index)}
-        return super().__getitem__(name if isinstance(name, str) else indices.get(name, f"0x{name:04X}"))
+        if isinstance(name, int):
+            name = indices.get(name, f"0x{name:04X}")
+        return super().__getitem__(name)
 
     def of(self, direction: PdoDirection) -> dict[int, BlockingPdoStream]:
         """Return the PDOs of one direction by number, valid or not."""

@@ -22,7 +22,7 @@ from weakref import WeakSet
 
 from eurobot_od.canopen_names import NamedAsInCanopen, missing, remedy_for
 from eurobot_od.client.configure import pdo_parameters
-from eurobot_od.client.master import Master, Procedure, RemoteNode, blocking, finished
+from eurobot_od.client.master import Master, Procedure, RemoteNode, blocking, finished, function_of
 from eurobot_od.device.broadcasts import REGISTER_BITS
 from eurobot_od.errors import (
     EurobotError,
@@ -37,7 +37,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, ErrorCode
-from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
+from eurobot_od.od.values import SYNC_COB_ID, Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import plain_name
@@ -88,8 +88,8 @@ class Stream(Closed, Generic[Item]):
     def __init__(self, node: RemoteNode, name: str, label: str = "") -> None:
         self.last: Item | None = None
         self.count = 0
-        self.needs = ""
-        """Text on what triggers the items, unless the node sends them by itself."""
+        self._hint: Callable[[], str] = str
+        """Returns why nothing may have come, as far as that is known."""
         self.name = name
         self.node_id = node.node_id
         self._label = f"{label or name} of node {node.node_id}"
@@ -106,7 +106,7 @@ class Stream(Closed, Generic[Item]):
         It runs on a thread of its own, or in the event loop. An exception it raises is logged, and the next item still
         comes.
         """
-        self._functions.append(function)
+        self._functions.append(function_of(function))
         return function
 
     def off(self, function: Callable[[Item], object]) -> None:
@@ -132,7 +132,7 @@ class Stream(Closed, Generic[Item]):
         number = self.count
         await self._node.master.pump.steps(timeout, lambda: self.count > number)
         if self.count == number or self.last is None:
-            raise NoAnswer(f"the last one{self.needs}", self._label, 1, timeout, self.node_id)
+            raise NoAnswer(f"the last one{self._hint()}", self._label, 1, timeout, self.node_id)
         return self.last
 
 
@@ -389,15 +389,21 @@ class PdoStream(Stream[PdoReading], Keyed):
 
     def __init__(self, node: RemoteNode, name: str, home: MappedPdos[Any]) -> None:
         self.refused: FrameLengthError | None = None
-        """Error of the last frame that could not be decoded."""
+        """Error of the last frame if it could not be decoded, else None."""
         super().__init__(node, name)
         self._home = home
+        self._hint = self._why_silent
         self._signals: dict[str, Any] = {}
 
     def adopt(self, binding: Binding) -> None:
         """Decode frames by this mapping from now on."""
         self._binding = binding
-        self.needs = NEEDS_SYNC if binding.pdo.is_synchronous else ""
+
+    def _why_silent(self) -> str:
+        if self.refused is not None:
+            return f": {self.refused}"
+        has_sync = any(task.is_sending(SYNC_COB_ID) for task in self._node.master.periodic)
+        return NEEDS_SYNC if self._binding.pdo.is_synchronous and not has_sync else ""
 
     @property
     def cob_id(self) -> int:
@@ -426,7 +432,7 @@ class PdoStream(Stream[PdoReading], Keyed):
         return f"<{type(self).__name__} {self.name} of node {self.node_id}, 0x{self.cob_id:03X}: {names}>"
 
     def _key(self, name: str | int) -> str:
-        found = self._binding.object_name(name)
+        found = self._binding.object_name(name) if isinstance(name, (str, int)) else None
         if found is None:
             raise UnknownName(f"object of {self.name}", name, self.names)
         return found
@@ -436,7 +442,7 @@ class PdoStream(Stream[PdoReading], Keyed):
             self._signals[name] = kind(self._node, name, f"{name} in {self.name}")
             if self.last is not None and name in self.last.values:
                 self._signals[name].last = PdoValue(self.last.time, self.last.values[name])
-        self._signals[name].needs = self.needs
+        self._signals[name]._hint = self._why_silent
         made: Signal = self._signals[name]
         return made
 
@@ -445,9 +451,10 @@ class PdoStream(Stream[PdoReading], Keyed):
         try:
             message = self._binding.decode(data)
         except FrameLengthError as error:
+            PDO_LOG.log(logging.INFO if self.refused else logging.WARNING, "node %d: %s", self.node_id, error)
             self.refused = error
-            PDO_LOG.info("node %d: %s", self.node_id, error)
             return
+        self.refused = None
         PDO_LOG.debug("node %d: %s heard: %s", self.node_id, self.name, message)
         values = {name: getattr(message, each.field) for name, each in self._binding.objects.items()}
         for name, signal in self._signals.items():
@@ -466,6 +473,8 @@ class PdoStream(Stream[PdoReading], Keyed):
     def _frame(self, values: Mapping[str, Value]) -> Frame:
         if self.direction is PdoDirection.TPDO:
             raise LocalError(f"{self.name} of node {self.node_id} is sent by the node")
+        if not isinstance(values, Mapping):
+            raise FieldError(self.name, "values", values, "a value for each name, such as {'Controlword': 6}")
         objects = self._binding.objects
         given = {objects[self._key(name)].field: value for name, value in values.items()}
         absent = [name for name, each in objects.items() if each.field not in given]
@@ -546,7 +555,8 @@ class MappedPdos(Keyed, Generic[AnyPdo]):
 
     def __getitem__(self, name: str) -> AnyPdo:
         """Return a PDO; raises UnknownName, also for a disabled one."""
-        key = name.upper() if name.upper() in self._pdos else self._records.get(plain_name(name), name)
+        key = name.upper() if isinstance(name, str) else name
+        key = key if key in self._pdos else self._records.get(plain_name(str(name)), name)
         if key in self._pdos:
             return self._pdos[key]
         for error in self._refused.values():

@@ -38,7 +38,7 @@ def check(kind: type, node: type) -> None:
     """Check a class of a `node`, unless it is ours; raises NodeClassError."""
     if kind.__module__.startswith(OURS):
         return
-    for problems in (misspelled_tables, wrong_handlers, wrong_objects, wrong_measured, hidden_members):
+    for problems in (misspelled_tables, wrong_handlers, wrong_objects, wrong_measured, wrong_values, hidden_members):
         for word, what in problems(kind, node):
             raise NodeClassError(place_of(kind, word), f"{kind.__name__} {what}")
 
@@ -70,6 +70,14 @@ def wrong_handlers(kind: Any, node: type) -> Iterator[tuple[str, str]]:
             yield word, f"has a handler for {word} {what}"
         if (name := getattr(handler, "__name__", "")) in dir(node) and vars(kind).get(name) is handler:
             yield name, f"has a handler named {name}, which hides {node.__name__}.{name}; give it another name"
+
+
+def wrong_values(kind: type, _: type) -> Iterator[tuple[str, str]]:
+    """Yield readers and writers of a simulated device that cannot be called."""
+    for table in ("READERS", "WRITERS"):
+        for name, function in own(kind, table).items():
+            if not callable(function):
+                yield str(name), f"has {function!r} for {name} in {table}; a function is meant"
 
 
 def not_a_message(kind: Any, key: Any) -> str:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 import textwrap
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import distribution
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import can
@@ -22,7 +25,7 @@ from eurobot_od.client.network import (
     simulated,
 )
 from eurobot_od.device.profiles import SimulatedDrive
-from eurobot_od.errors import EurobotError, HeartbeatLost, LocalError, UnknownName
+from eurobot_od.errors import EurobotError, HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.od.standard import LssState
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.protocol import Protocol
@@ -392,3 +395,139 @@ def test_states_of_lss_are_the_standards() -> None:
         assert [*LssState] == [network.lss.WAITING_STATE, network.lss.CONFIGURATION_STATE]
         assert network.lss.fast_scan() == (False, None)
         assert not network.lss.send_switch_state_selective(1, 2, 3, 4)
+
+
+# Opening and closing
+
+
+def test_arguments_have_the_names_of_canopens() -> None:
+    bus = open_bus(new_channel())
+    with Network(bus=bus) as network:
+        assert network.connect() is network
+        assert (network.bus, Network(bus).bus) == (bus, bus)
+        node = RemoteNode(node_id=5, object_dictionary=EDS)
+        assert network.add_node(node).sdo[0x1000].name == "Device type"
+    bus.shutdown()
+
+
+def test_a_network_without_an_interface_says_what_to_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.client.network.is_named", bool)
+    for opened in (Network.open, Network().connect):
+        with pytest.raises(LocalError, match='which bus\\? Name interface and channel, such as "socketcan"'):
+            opened()
+
+
+def threads_of(channel: str) -> list[str]:
+    return [each.name for each in threading.enumerate() if channel in each.name]
+
+
+def test_a_network_that_connects_again_has_one_bus_and_its_functions() -> None:
+    heard: list[int] = []
+    node = RemoteNode(5, EDS)
+    node.nmt.add_heartbeat_callback(heard.append)
+    network = Network()
+    network.add_node(node)
+    channels = [new_channel(), new_channel()]
+    for channel in channels:
+        network.connect(interface="virtual", channel=channel)
+    assert [bool(threads_of(channel)) for channel in channels] == [False, True]
+    network._receive(0x705, b"\x05", 0.0)
+    network.disconnect()
+    assert (network.bus, threads_of(channels[1]), heard) == (None, [], [5])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda n: n[5].sdo[0x1000].raw,
+        lambda n: n[5].pdo["TPDO1"].wait(),
+        lambda n: n[5].emcy.wait(),
+        lambda n: n.sync(0.1),
+        lambda n: n.send(0x80),
+        lambda n: n.scan(),
+        lambda n: n.check(),
+        lambda n: n.__enter__(),
+        lambda n: n[5].pdo["RPDO1"].start(0.1),
+        lambda n: next(n.watch(5)),
+    ],
+)
+def test_a_call_after_the_end_says_that_the_network_is_closed(call: Callable[[Network], object]) -> None:
+    with Network.open("virtual", new_channel()) as network:
+        network.add(5, EDS)
+    with pytest.raises(StateError, match="the network is closed"):
+        call(network)
+
+
+@pytest.mark.parametrize(
+    "wait",
+    [
+        lambda n: next(iter(n[5].pdo["TPDO1"])),
+        lambda n: n[5].pdo["TPDO1"].wait(60),
+        lambda n: n[5].emcy.wait(60),
+        lambda n: next(n.watch(6, within=60)),
+        lambda n: n[5].heartbeat(60),
+        lambda n: n.sleep(60),
+    ],
+)
+def test_a_thread_that_waits_is_woken_when_the_network_is_closed(wait: Callable[[Network], object]) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        with Network.open("virtual", new_channel()) as network:
+            network.add(5, EDS)
+            waiting = Event()
+            network.master.take_in = noting(waiting, network.master.take_in)  # type: ignore[method-assign]
+            waits = pool.submit(wait, network)
+            assert waiting.wait(30)
+        with pytest.raises(StateError, match="the network is closed"):
+            waits.result(30)
+
+
+def noting(event: Event, take_in: Callable[..., Any]) -> Callable[..., Any]:
+    def noted(*arguments: Any) -> Any:
+        event.set()
+        return take_in(*arguments)
+
+    return noted
+
+
+# Arguments that cannot be
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (
+            lambda n: setattr(n[5]["Profile velocity"], "bytes", "abc"),
+            "Profile velocity = 'abc' is not allowed; allowed: bytes",
+        ),
+        (lambda n: n[5].sdo.download(0x6081, 0, "abcd"), "= 'abcd' is not allowed; allowed: bytes"),
+        (lambda n: n[5].program("x"), "a program is bytes, not 'x'"),
+        (lambda n: n[5][1.5], "unknown object 1.5; known: a name, an index 0..0xFFFF"),
+        (lambda n: n[5][0x12345], "unknown object 74565; known: a name, an index 0..0xFFFF"),
+        (lambda n: n[5].sdo.upload(0x1018, 300), "unknown object (4120, 300); known: a name"),
+        (lambda n: n[5].pdo[None], "unknown PDO of node 5 None; known: RPDO1"),
+        (lambda n: n[5].pdo["TPDO1"][None], "unknown object of TPDO1 None; known: Statusword"),
+        (lambda n: n[5].pdo["RPDO1"].transmit(5), "RPDO1: values = 5 is not allowed; allowed: a value for each name"),
+        (lambda n: n.sync("fast"), "a time is a number of seconds, not 'fast'"),
+        (lambda n: n[5].pdo["TPDO1"].wait("x"), "a time is a number of seconds, not 'x'"),
+        (lambda n: setattr(n[5].sdo, "RESPONSE_TIMEOUT", "x"), "a time is a number of seconds, not 'x'"),
+        (lambda n: n.send("hello world"), "frame: identifier = 'hello world' is not allowed; allowed: 0..0x7FF"),
+        (lambda n: n.send_message(0x100, bytes(9)), "is not allowed; allowed: up to 8 bytes"),
+        (lambda n: n.send_message(0x100, "abc"), "frame 0x100: data = 'abc' is not allowed; allowed: up to 8 bytes"),
+        (lambda n: n.add("5", EDS), "node-ID '5' is not in 1..127"),
+        (lambda n: n.subscribe(0x185, None), "None is no function, and cannot be called"),
+        (lambda n: n[5].emcy.on(5), "5 is no function, and cannot be called"),
+        (lambda n: n[5].nmt.add_heartbeat_callback(None), "None is no function, and cannot be called"),
+    ],
+)
+def test_a_wrong_argument_is_refused_in_one_line(call: Callable[[Any], object], text: str) -> None:
+    with servo() as network, pytest.raises(LocalError, match=re.escape(text)):
+        call(network)
+
+
+def test_a_list_of_numbers_is_data() -> None:
+    with servo() as network:
+        sent: list[bytes] = []
+        network.simulation.observers.append(lambda _, frame: sent.append(frame.data))
+        network.send_message(0x300, [1, 2])  # type: ignore[arg-type]
+        network.sleep(0.01)
+        assert sent == [b"\1\2"]

@@ -51,6 +51,7 @@ WHEN_MADE = [
     ("HANDLERS = {MoveTo: 'go'}", 0, "a handler for MoveTo that cannot be called, 'go'"),
     (ASYNC, 1, "that is asynchronous or a generator, go; nobody would run it"),
     ("HANDLERS = [(MoveTo, go)]", 0, "HANDLERS of type list; a table is meant: HANDLERS = {...}"),
+    ("READERS = {'Place': 5}", 0, "has 5 for Place in READERS; a function is meant"),
     ("HANDLER = {MoveTo: go}", 0, "a table HANDLER, which no node reads; did you mean HANDLERS?"),
     ("OBJECTS = {'Move to': MoveTo}", 0, "binds 'Move to' to MoveTo; BoundObject(write=MoveTo) is meant"),
     (

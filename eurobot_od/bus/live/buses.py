@@ -281,7 +281,8 @@ class Driver:
 
     def stuck(self, seconds: float) -> BusError:
         """Return the error about a driver that has accepted no frame for some seconds."""
-        return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s: {self.refusal}")
+        why = f": {self.refusal}" if self.refusal else ""
+        return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s{why}")
 
 
 PATIENCE = 1.0
