@@ -42,6 +42,8 @@ def _seeds(text: str) -> range:
     """Parse the seeds of many matches; raises LocalError."""
     match = SEEDS.fullmatch(text)
     seeds = range(int(match[1] or 1), int(match[2]) + 1) if match else range(0)
+    if match and match[1] and not seeds:
+        raise LocalError(f"{text}: the first seed is above the last; FIRST-LAST is {match[2]}-{match[1]}")
     if not seeds:
         raise LocalError(f"{text} is neither a number of seeds nor FIRST-LAST")
     return seeds
@@ -160,6 +162,9 @@ class AskedMatch:
                 raise LocalError(f"--{name} {value} {why}")
 
 
+LONG = 10
+"""Multiple of a match's usual duration above which a mistake in the unit is likely."""
+
 OF_A_BUS = ("interface", "channel", "bitrate")
 """Options without a meaning in simulated time."""
 
@@ -172,6 +177,9 @@ def match(asked: AskedMatch) -> ExitStatus:
     $ match --strategy mine.py --fault stop-ignored
     """
     options = asked.options
+    usual = options.facts().duration
+    if asked.duration and asked.duration > LONG * usual:
+        complain(f"--for: a match of {asked.duration:g} s; robot.yaml says {usual} s")
     if asked.compare:
         return _compare(asked, options)
     return _run_one(asked, options) if asked.seeds is None else _run_many(asked, asked.seeds, options)

@@ -217,6 +217,7 @@ class Performance:
         self.name = name
         self._world = world
         self._whose = f"{files.robot}: " if files.robot else ""
+        self._faults = "; faults: " + ", ".join(options.faults) if options.faults else ""
         core, self.nodes = cast_for(options, files, world, name)
         self._counter = FrameCounter(files.protocol)
         self._timeline = Timeline(world.clock, show)
@@ -240,7 +241,7 @@ class Performance:
     async def play(self, strategy: Strategy, bitrate: int, how: str) -> None:
         """Play from power-on to the end; raises NoAnswer."""
         who = ", ".join(node.name for node in self.nodes)
-        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}"
+        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}{self._faults}"
         self._timeline.tell(EventKind.START, f"{self._whose}{who} at {where}")
         await asyncio.sleep(POWER_UP)
         await self.referee.play(strategy)

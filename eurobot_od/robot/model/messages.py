@@ -171,6 +171,9 @@ class BarrierFlags(Kind):
     def plain(self, value: Any) -> Any:
         return self.text(value)
 
+    def wanted(self, value: Any, limits: Limits) -> str:
+        return f"Barriers.of({{1: Passage.NORMAL}}), or {super().allowed(limits)}"
+
     def allowed(self, limits: Limits) -> str:
         passages = " or ".join(words_of(passage) for passage in Passage)
         names = ", ".join(each.name.replace(" ", "-") for each in self._facts.barriers)

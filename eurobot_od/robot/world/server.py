@@ -355,9 +355,9 @@ class RemoteVehicle:
         while True:
             try:
                 return self._asked(_options, "hello")
-            except WorldError:
+            except WorldError as error:
                 if time.monotonic() >= end:
-                    raise
+                    raise WorldError(f"{error}; `eurobot-od world` starts one") from error
             time.sleep(RETRY)
 
     def truth(self) -> WorldTruth:

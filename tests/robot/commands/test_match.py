@@ -242,6 +242,15 @@ def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine
     assert "points: ours 0, enemy 1 0" in said.out.splitlines()
 
 
+def test_a_fault_is_named_and_a_long_match_is_told(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    raises = str(mine("async def play(core):\n    raise ValueError\n"))
+    said = run(capsys, "match", "--for", "90min", "--fault", "stop-ignored", "--strategy", raises)
+    assert said.out.splitlines()[0].endswith("EDS files: canopen; faults: stop-ignored")
+    assert "--for: a match of 5400 s; robot.yaml says 90 s" in said.err
+
+
 def test_lines_of_the_second_robots_strategy_are_marked(
     capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
 ) -> None:
@@ -302,7 +311,7 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--seed", "one"], "argument --seed: one is not a whole number"),
         (["--speed", "slow"], "argument --speed: unknown value 'slow'; known: fast, real"),
         (["--seeds", "0"], "argument --seeds: 0 is neither a number of seeds nor FIRST-LAST"),
-        (["--seeds", "5-2"], "argument --seeds: 5-2 is neither a number of seeds nor FIRST-LAST"),
+        (["--seeds", "5-2"], "argument --seeds: 5-2: the first seed is above the last; FIRST-LAST is 2-5"),
         (["--seeds", "1-"], "argument --seeds: 1- is neither a number of seeds nor FIRST-LAST"),
         (["--seeds", "9" * 5000], f"argument --seeds: {'9' * 5000} is neither"),  # more digits than int() takes
         (["--jobs", "0"], "argument --jobs: 0 is not a number of processes; allowed: 1..60"),

@@ -131,3 +131,8 @@ def test_does_not_parse_an_unknown_barrier(text: str) -> None:
 @pytest.mark.parametrize(("kind", "limits", "text"), ALLOWED)
 def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
     assert kind.allowed(limits) == text
+
+
+def test_a_program_that_gives_barriers_by_name_is_told_how_to_give_them() -> None:
+    wanted = BARRIERS.wanted(["fire 1"], Limits(0, 0xFFFF))
+    assert wanted == "Barriers.of({1: Passage.NORMAL}), or 0..65535"

@@ -209,7 +209,7 @@ def test_a_loss_to_go_on_with_leaves_the_goto_alone_and_is_told(files: dict[str,
     robot.run(3.0)
     assert not robot.core.without
     assert robot.arm.configured == [RED]
-    assert len([each for each in map(str, robot.network.reports) if "the arm is back" in each]) == 1
+    assert len([each for each in map(str, robot.network.reports) if "the arm answers again" in each]) == 1
 
 
 def test_a_node_that_is_missing_at_the_end_of_the_match_has_to_be_checked_again(files: dict[str, Dictionary]) -> None:

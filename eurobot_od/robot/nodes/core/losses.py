@@ -102,7 +102,7 @@ class Losses:
         try:
             yield from flows.take_back(self._core, node, configuration)
             self.heard_navigation()  # its time of silence begins again
-            self._core.alarm(f"the {node} is back")
+            self._core.alarm(f"the {node} answers again")
         except NodeMismatch as error:
             self._core.alarm(str(error))
             # A node that maps differently is of no use: the next goto begins with the checks, which report that.

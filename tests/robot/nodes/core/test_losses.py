@@ -105,7 +105,7 @@ def test_a_navigation_that_boots_in_a_match_is_checked_and_configured_and_the_dr
     assert call.result(0).outcome is Outcome.ARRIVED
     assert bench.navigation.configuration == RED
     assert len(bench.sent(StartConfigurationSet)) == started
-    assert any("the navigation is back" in str(report) for report in bench.network.reports)
+    assert any("the navigation answers again" in str(report) for report in bench.network.reports)
     assert bench.core.without == ()
 
 
@@ -141,7 +141,7 @@ def test_a_navigation_that_answers_nothing_but_sends_heartbeats_is_told_and_take
     assert bench.core.open_calls == 0
     bench.lose()
     bench.run(2.0)
-    assert any("the navigation is back" in str(report) for report in bench.network.reports)
+    assert any("the navigation answers again" in str(report) for report in bench.network.reports)
 
 
 def test_a_way_keeps_its_distance_as_the_place_becomes_less_sure() -> None:
