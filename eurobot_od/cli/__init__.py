@@ -316,6 +316,7 @@ OTHERWISE_CALLED = {
     "download": "write",
     "sdo": "read, or write",
     "discover": "scan",
+    "heartbeat": "watch NODE, or write NODE 0x1017 MS for its period",
     "help": "COMMAND --help",
 }
 """Commands of other programs, with ours."""

@@ -14,7 +14,15 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.devices import HEARTBEAT_WAIT, Access, Devices, LibraryFolders, PackagePaths, Target
+from eurobot_od.cli.devices import (
+    HEARTBEAT_WAIT,
+    Access,
+    Devices,
+    LibraryFolders,
+    PackagePaths,
+    Target,
+    hexadecimal_node_id,
+)
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
@@ -174,6 +182,8 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)] = "", *, 
 NMT_COMMANDS = {name.replace(" ", "-"): NmtCommand(command) for command, name in COMMAND_NAMES.items()}
 """The NMT commands by their names on the command line."""
 
+NAMES_OF_NMT = {command: name for name, command in NMT_COMMANDS.items()}
+
 
 def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS)]) -> ExitStatus:
     """Send an NMT command to a CANopen node, or to all, and print the state that the heartbeat reports.
@@ -186,6 +196,8 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
     $ nmt 5 start -i socketcan -c can0
     $ nmt all pre-operational -i socketcan -c can0
     """
+    if target.node == "0":
+        raise LocalError(f"node 0 stands for all nodes: write `nmt all {NAMES_OF_NMT[command]}`")
     if target.node == "all":
         with target.master() as master:
             master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
@@ -268,6 +280,8 @@ def _node_id(text: str, named: Mapping[str, int]) -> int:
     """Return the node-ID for a name or number; raises LocalError, UnknownName."""
     if text in named:
         return named[text]
+    if (number := hexadecimal_node_id(text)) is not None:
+        return check_node_id(number)
     if not text.isdecimal() or len(text) > MOST_DIGITS:
         raise UnknownName("node", text, named)
     return check_node_id(int(text))

@@ -27,6 +27,7 @@ from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.sdo_channels import SdoChannel, moved_server
 from eurobot_od.od.standard import DEVICE_TYPE
+from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.in_force import Describe, nothing_known
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import NOTHING, Plugin, Plugins
@@ -511,6 +512,12 @@ class Access:
         return Master(self.bus.open(), self.timeout, unannounced=self.largest)
 
 
+def hexadecimal_node_id(text: str) -> int | None:
+    """Return a node-ID that is written as 0x5 or 5h, None for any other text."""
+    number = parse_number(text) if re.fullmatch(r"0[xX][0-9a-fA-F]{1,2}|[0-9][0-9a-fA-F]?[hH]", text) else None
+    return number and number.value
+
+
 @dataclass(frozen=True)
 class Target(Access):
     """The node that a command is for.
@@ -524,6 +531,8 @@ class Target(Access):
     def node_id(self) -> int:
         """The node-ID; raises LocalError, UnknownName."""
         text = self.node
+        if (number := hexadecimal_node_id(text)) is not None:
+            return check_node_id(number)
         if not text.isdecimal():
             if text.lower().endswith(DEVICE_FILES):
                 raise LocalError(
@@ -595,6 +604,9 @@ class Target(Access):
         if mine is None:  # the network's files have to be loaded to know their node-IDs
             mine = next((each for each in files if each.load().node_id == node.node_id), None)
         if mine is None:
+            if named:
+                others = ", ".join(f"{each.file} is for node {each.node_id}" for each in named)
+                complain(f"{others}; node {node.node_id} is read without it")
             return None
         dictionary = self.devices.worded(mine.load(node.node_id))
         complain_of_repairs([dictionary])

@@ -5,11 +5,12 @@ shtab writes the script of `completion` from the parsers of all commands.
 
 from __future__ import annotations
 
+import os
 import platform
 import sys
 from argparse import ArgumentParser, _SubParsersAction
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, partial
 from typing import Literal
 
 from eurobot_od import loading
@@ -18,7 +19,7 @@ from eurobot_od.cli import COMMANDS, ExitStatus, RobotName, find, program, robot
 from eurobot_od.cli.signature import Parser, describe
 from eurobot_od.errors import LocalError
 from eurobot_od.loading import Installed
-from eurobot_od.plugin import NOTHING, Plugins
+from eurobot_od.plugin import NOTHING, Plugin, Plugins
 from eurobot_od.support import extras
 from eurobot_od.support.extras import Package
 from eurobot_od.support.progress import folded
@@ -46,10 +47,12 @@ def doctor() -> ExitStatus:
 
     $ doctor
     """
-    why = {each: broken(each) for kind in (loading.ROBOTS, loading.DEVICES) for each in kind.installed().values()}
+    why = {
+        each: unloadable(each.load) for kind in (loading.ROBOTS, loading.DEVICES) for each in kind.installed().values()
+    }
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
     troubles = (trouble for link in adapters.links() for trouble in adapters.troubles(link))
-    wrong = [*unloaded, *troubles, *denied(adapters.refused())]
+    wrong = [*unloaded, *_lost_packages(), *troubles, *denied(adapters.refused())]
     loaded = adapters.drivers()
     lacks = adapters.without_socketcan()
     buses_here = adapters.here()
@@ -77,11 +80,19 @@ def loading_of(plugin: Installed, broken: str) -> str:
     return f"{plugin.name} {loads}: {plugin.target}, entered by {plugin.file}"
 
 
-def broken(plugin: Installed) -> str:
+def _lost_packages() -> Iterator[tuple[str, str]]:
+    """Yield the problem and the fix for each device package of the environment that cannot be loaded."""
+    kind = loading.DEVICES
+    for each in filter(None, os.environ.get(kind.variable, "").split(os.pathsep)):
+        if why := unloadable(partial(kind.load, each)):
+            yield f"{kind.variable} names {each}: {why}", f"name a folder with {kind.file}"
+
+
+def unloadable(load: Callable[[], Plugin]) -> str:
     """Return why a plug-in cannot be loaded, empty if it can."""
     try:
-        plugin.load()
-    except LocalError as error:
+        load()
+    except (LocalError, OSError) as error:
         return str(error)
     return ""
 

@@ -26,7 +26,7 @@ from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.motion import AxisAddress
 from eurobot_od.client.program import load
 from eurobot_od.client.streams import clear_history, read_history
-from eurobot_od.errors import LocalError, NoAnswer, UnknownName
+from eurobot_od.errors import LocalError, NoAnswer, NodeRefused, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS, State
 from eurobot_od.od.dcf import renumbered
@@ -36,6 +36,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, FIRST, MOST_SUBS, NOT_VALID, label, parse_number
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
+from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.support.files import read_whole, write_whole
 from eurobot_od.support.progress import OBJECTS, bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
@@ -350,7 +351,12 @@ def store(target: Target) -> None:
     """
     with target.opened() as node:
         target.known_description(node)  # its file may have other SDO COB-IDs
-        configuring.store(node)
+        try:
+            configuring.store(node)
+        except NodeRefused as refused:
+            if refused.code != AbortCode.NO_OBJECT:
+                raise
+            raise LocalError(f"node {node.node_id} cannot store parameters: it has no 0x1010") from None
     print(f"node {node.node_id} has stored all parameters")
 
 
@@ -418,7 +424,7 @@ HEARD_FOR = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions:
-    """How a drive moves, in its own units; None keeps its setting.
+    """How a drive moves, in raw numbers; None keeps its setting.
 
     velocity: move: profile velocity (default: as it is set)
     relative: move: by a distance instead of to a position
@@ -505,7 +511,8 @@ def drive(
     Raises DriveError, NodeRefused, NoAnswer, BusError.
 
     action: what the drive is to do; Ctrl-C stops a motion
-    value: move: the position; jog: the velocity; in drive units
+    value: move: the position; jog: the velocity; raw numbers, as the drive's objects hold them, whatever unit `read`
+        prints and `write` takes
     axis: axis (1)
     own_id: node-ID of our heartbeat (127, or the next lower one that is not heard)
 
@@ -518,13 +525,23 @@ def drive(
     with target.opened() as node:
         described = target.known_description(node)
         found = Drive402(node, described, axis)
-        if action in WATCHED:
-            _ = found.status  # raises for a node that is no drive, before a command is sent
+        if action in (*WATCHED, "status"):
+            _check_is_drive(found, node)  # before a command is sent
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)
         status = found.status
     line = one_line(f"node {node.node_id}: {drive_as_text(status)}")
     give(as_json, drive_as_data(status), [line], indent=None)
+
+
+def _check_is_drive(drive: Drive402, node: RemoteNode) -> None:
+    """Check that a node has a statusword; raises LocalError."""
+    try:
+        _ = drive.status
+    except NodeRefused as refused:
+        if refused.code != AbortCode.NO_OBJECT:
+            raise
+        raise LocalError(f"node {node.node_id} is no drive of CiA 402: {refused.request} is refused") from None
 
 
 @contextmanager

@@ -72,7 +72,9 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
             raise DictionaryError(each.name or f"node {each.node_id}", None, "no file is named for this node")
         first = taken.setdefault(each.node_id, each)
         if first is not each and each.node_id is not None:
-            raise DictionaryError(each.file, None, f"node-ID {each.node_id} is taken by {Path(first.file).name}")
+            said = f"{first.name}, {Path(first.file).name}" if first.name else Path(first.file).name
+            whose = f"{each.name}: " if each.name else ""
+            raise DictionaryError(each.file, None, f"{whose}node-ID {each.node_id} is taken by {said}")
     loaded = sorted((each.load() for each in files), key=lambda each: each.node_id)
     # Sorted, so that equal node-IDs are adjacent.
     for one, other in pairwise(loaded):
@@ -225,6 +227,12 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     )
     if not (network.nodes or network.robot or network.library):
         raise FileError(file, "it names no nodes")
+    first: dict[int, NodeFile] = {}
+    for each in network.nodes:
+        if each.node_id is not None and first.setdefault(each.node_id, each) is not each:
+            line = getattr(getattr(each.name, "place", None), "line", None)
+            said = f"nodes {first[each.node_id].name} and {each.name} both have node-ID {each.node_id}"
+            raise FileError(f"{file}:{line}" if line else file, said)
     unclear = [each.name for each in network.nodes if not each.file and each.node_id is None]
     if unclear:
         raise FileError(file, f"node {unclear[0]} has neither `file` nor `node_id`")

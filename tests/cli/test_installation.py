@@ -154,3 +154,12 @@ def printed(folder: Path, shell: str, script: str, lines: Iterable[str]) -> list
     (folder / "all.sh").write_text("\n".join([script, *lines]))
     done = subprocess.run([shell, "all.sh"], cwd=folder, capture_output=True, text=True, check=True, timeout=60)
     return done.stdout.splitlines()
+
+
+def test_doctor_names_a_device_package_of_the_environment_that_is_not_there(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("EUROBOT_OD_PACKAGES", "nowhere/x")
+    told = run(capsys, "doctor")
+    assert told.status == 1
+    assert "EUROBOT_OD_PACKAGES names nowhere/x: " in told.out

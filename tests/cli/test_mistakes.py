@@ -19,6 +19,9 @@ EDS = plant.FILES.folder() / "lift.eds"
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run in a folder with one EDS and a picture, without a configuration of python-can's."""
     (tmp_path / "lift.eds").write_bytes(EDS.read_bytes())
+    (tmp_path / "net.yaml").write_text(
+        "nodes:\n  lift: {file: lift.eds, node_id: 5}\n  door: {file: lift.eds, node_id: 5}\n"
+    )
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
     monkeypatch.chdir(tmp_path)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_CONFIG"):
@@ -188,6 +191,28 @@ MISTAKES = {
         2,
         f"picture.png: not a known log; --format names its format ({', '.join(FORMATS)}); any other program's frames "
         "are read as CSV whose first line names the columns: time, id, data",
+    ),
+    "all nodes by number": ("nmt|0|start|-i|virtual", 2, "node 0 stands for all nodes: write `nmt all start`"),
+    "a node-ID in hexadecimal": ("read|0xFF|0x1000|-i|virtual", 2, "node-ID 255 is not in 1..127"),
+    "another command of other programs": (
+        "heartbeat|5",
+        2,
+        "unknown command 'heartbeat'; here that is watch NODE, or write NODE 0x1017 MS for its period",
+    ),
+    "a kernel's interface": (
+        "scan|-i|vcan|-c|vcan0",
+        3,
+        "cannot open the vcan bus vcan0: unknown interface 'vcan'; vcan0 is a channel of socketcan: -i socketcan",
+    ),
+    "a network file alone": (
+        "lint|net.yaml",
+        2,
+        "net.yaml: not a device's file; a network file is checked by lint --network net.yaml",
+    ),
+    "a node-ID twice": (
+        "show|--network|net.yaml",
+        2,
+        "net.yaml:3: nodes lift and door both have node-ID 5",
     ),
     "a node-ID too high": ("read|200|0x1000|-i|virtual", 2, "node-ID 200 is not in 1..127"),
     "a node that is not there": (

@@ -13,6 +13,7 @@ from eurobot_od.bus.live import Live
 from eurobot_od.cli import objects as command
 from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus
@@ -90,6 +91,16 @@ def test_a_jog_that_leaves_the_drive_disabled_says_so(capsys: pytest.CaptureFixt
         jog = said(capsys, channel, "jog", "1000", "--for", "500 ms")
     assert jog.out.splitlines()[-1].startswith("node 5: Switch on disabled")
     assert "the halt has left the drive in Switch on disabled: it did not stand within 0.5 s" in jog.err
+
+
+def test_drive_says_that_a_node_is_no_drive(capsys: pytest.CaptureFixture[str]) -> None:
+    channel = new_channel()
+    with Live.node(open_bus(channel), SimulatedDevice.load(EDS.with_name("motor.eds"), 5)):
+        told = said(capsys, channel, "status")
+        kept = run(capsys, "store", "5", "-i", "virtual", "-c", channel)
+    assert (told.status, kept.status) == (2, 2)
+    assert told.err.startswith("eurobot-od: node 5 is no drive of CiA 402: read 0x6041")
+    assert "node 5 cannot store parameters: it has no 0x1010" in kept.err
 
 
 WRONG = [

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import re
 import socket
 import sys
 import threading
@@ -142,6 +143,8 @@ def open_bus(
             why += "; nobody shares a bus there: `node NODE --share PORT` does, in another terminal"
         if interface is not None and interface not in BACKENDS:
             unknown = str(UnknownName("interface", interface, sorted(BACKENDS)))
+            if re.fullmatch(r"v?x?can\d*", interface):  # the kernel's names of its interfaces
+                unknown = f"unknown interface {interface!r}; {at or interface} is a channel of socketcan: -i socketcan"
             why = extras.missing(f"interface {interface}", interface) if interface in extras.brought() else unknown
         raise BusError(f"cannot open the {name}: {why}") from error
 
