@@ -167,6 +167,8 @@ class WatchedBus:
         for damage, text, _ in meaning.defects:
             if damage is Damage.INCOMPLETE:
                 self.sdo.damaged(meaning)
+            elif self._is_of_before(damage, who):
+                continue
             elif damage is Damage.WRONG_LENGTH:
                 if meaning.group == CANOPEN:
                     self._misfits.add(self.bus.at())
@@ -180,6 +182,13 @@ class WatchedBus:
                     self._without_file(who, subject, said)
                 else:
                     self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
+
+    def _is_of_before(self, damage: Damage, who: str) -> bool:
+        """Return whether a PDO is only out of step with a reset, or a write, that the device has not confirmed yet."""
+        if damage is Damage.SWITCHED_OFF:
+            return self.sdo.is_setting_pdo
+        sender = self.bus.named(who) if damage is Damage.WRONG_LENGTH else None
+        return sender is not None and sender.reset is not None
 
     def _without_file(self, who: str, subject: int | str, said: str) -> None:
         """Report a frame under an identifier that is in no file."""

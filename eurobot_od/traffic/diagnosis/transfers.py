@@ -15,7 +15,7 @@ from eurobot_od.od import objects, values
 from eurobot_od.od.cia402 import MODE, on_first_axis
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import DEVICE_TYPE, IDENTITY, REVISION, SERIAL
-from eurobot_od.od.values import Address, label
+from eurobot_od.od.values import COMMUNICATION_RECORDS, Address, PdoDirection, label
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
@@ -111,6 +111,12 @@ class SdoWatcher(Watcher):
         self._silent: dict[str, dict[int, tuple[str, str, Occurrences]]] = {}
         self._identities: dict[tuple[int, Address], tuple[int, bytes]] = {}
         self._own = {n: _own_values(node.dictionary) for n, node in bus.nodes.items() if node.dictionary}
+
+    @property
+    def is_setting_pdo(self) -> bool:
+        """Whether a request about a TPDO's communication is not answered yet."""
+        asked = (each.address for each in self._lines.values() if each.asked is not None and each.address)
+        return any(index in COMMUNICATION_RECORDS[PdoDirection.TPDO] for index, _ in asked)
 
     def take(self, time: float, meaning: Meaning) -> None:
         if meaning.name == NMT:

@@ -11,6 +11,7 @@ import pytest
 from eurobot_od.client.lifeline import arm, disarm, heartbeat
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import MOST, PLACES, Incident
 from eurobot_od.traffic.diagnosis.rules import BusRule
@@ -80,6 +81,32 @@ def test_a_device_that_is_silent_is_lost_though_nobody_consumes_it(first: float,
         diagnosis.take(time, "", frame)
     diagnosis.end()
     assert {each.rule for each in diagnosis.incidents.sorted()} == {BusRule.HEARTBEAT_LOST}
+
+
+OFF, CONFIRMED = "2300180185010080", "6000180100000000"
+ON = "2300180185010000"
+
+OUT_OF_STEP: dict[str, tuple[list[tuple[int, str]], set[BusRule]]] = {
+    "a last one before the boot-up": ([(0x705, "05"), (0, "8105"), (0x185, "01"), (0x705, "00")], set()),
+    "one after the boot-up": ([(0, "8105"), (0x705, "00"), (0x185, "01")], {BusRule.PDO_LENGTH}),
+    "on, before the confirmation": (
+        [(0x605, OFF), (0x585, CONFIRMED), (0x605, ON), (0x185, "00" * 6), (0x585, CONFIRMED)],
+        set(),
+    ),
+    "off, and sent": ([(0x605, OFF), (0x585, CONFIRMED), (0x185, "00" * 6)], {BusRule.PDO_OFF}),
+}
+
+
+@pytest.mark.parametrize(("rows", "rules"), OUT_OF_STEP.values(), ids=OUT_OF_STEP)
+def test_a_pdo_before_a_reset_or_a_write_is_confirmed_is_no_fault(
+    rows: list[tuple[int, str]], rules: set[BusRule]
+) -> None:
+    servo = Dictionary.load(DOCS / "servo.eds", 5)
+    diagnosis = Diagnosis(Decoder([servo], refused=lambda _: None))
+    for number, (cob_id, data) in enumerate(rows):
+        diagnosis.take(number / 100, "", Frame(cob_id, bytes.fromhex(data)))
+    diagnosis.end()
+    assert {each.rule for each in diagnosis.incidents.sorted()} & {BusRule.PDO_LENGTH, BusRule.PDO_OFF} == rules
 
 
 def test_two_producers_of_sync_with_much_different_periods_are_two() -> None:
