@@ -263,6 +263,12 @@ def further(results: Iterable[SuiteResult]) -> Iterator[str]:
         yield f"{option} runs what {amount(count, 'skipped step')} stand{'s' if count == 1 else ''} for"
 
 
+def places(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield which file the places of red steps of generated suites are in, if there are some."""
+    if any(result.failed for result in results):
+        yield "The places are those in the file that -o FILE writes with the same options"
+
+
 SLOW = 1.0
 """Minimum wait for an answer that is reported, in s."""
 

@@ -118,7 +118,7 @@ class CheckReport:
                 report.failures,
             ]
             if made.is_wanted:
-                lines_of[2:] = [report.slowest, report.not_run, report.failures, report.further]
+                lines_of[2:] = [report.slowest, report.not_run, report.failures, report.places, report.further]
             sys.stdout.writelines(f"{line}\n" for each in lines_of for line in each(results))
             print(report.summary(results))
         self._write(results, facts, made)

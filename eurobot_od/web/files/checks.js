@@ -29,6 +29,7 @@ class CheckRun {                            // the steps of a run, as they come;
     this.drawn = job.rows.length;
     this.end.replaceChildren(...(job.result ? this.summary(job.result) : []));
   }
+  forget() { for (const each of [this.list, this.end, this.counts]) each.replaceChildren(); }
   row({suite, step, status, seconds, why}) {
     if (suite) return h("h3", {}, suite);
     const red = RED.includes(status);
@@ -41,7 +42,8 @@ class CheckRun {                            // the steps of a run, as they come;
     const links = files.map(file => h("a", {href: `/report/${file}`, download: file}, names[file.split(".").at(-1)]));
     const compared = before ? h("details", {class: "compared", open: changes.length > 0 && changes.length < 20}, h("summary", {}, changes.length ? `${changes.length} steps ended otherwise than in ${before}` : `as in ${before}`),
       h("ul", {}, ...changes.map(each => h("li", {}, `${each.step}: ${each.before} → ${each.after}`)))) : null;
-    return [h("p", {class: "verdict"}, summary), h("p", {class: "buttons"}, ...links), ...notes.map(each => h("p", {}, each)), compared].filter(Boolean);
+    const wrong = [...RED, "NOTHING"].some(each => summary.includes(each));
+    return [h("p", {class: `verdict ${wrong ? "is-wrong" : "is-good"}`}, summary), h("p", {class: "buttons"}, ...links), ...notes.map(each => h("p", {}, each)), compared].filter(Boolean);
   }
 }
 
@@ -62,6 +64,7 @@ class ChecksView {
     this.element = h("div", {}, this.form, this.run.element);
   }
   async begin(sure) {
+    this.run.forget();                      // a run that is refused would show the one before as its own
     const also = {...(this.motion.hidden ? {} : {motion: this.motion.value.trim()}), ...(this.outputs.hidden ? {} : {outputs: this.switches.checked})};
     await connection.ask({do: "check", node: this.node.value, suites: this.suites.value, tier: this.tier.value, steps: this.steps.value.trim(), ...also, ...sure});
   }
