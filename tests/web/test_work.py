@@ -105,7 +105,8 @@ def test_a_check_shows_red_steps_with_their_frames_and_gives_the_reports(window:
     )
     assert "> 605#40" in window.text("#view-checks .steps pre")
     links = window.run("[...document.querySelectorAll('#view-checks .run-end a')].map(each => each.href)")
-    assert [each.rpartition(".")[2] for each in links] == ["json", "xml"]
+    assert [each.rpartition(".")[2] for each in links] == ["json", "xml", "html"]
+    assert window.run("Boolean(document.querySelector('#view-checks .run-end .verdict.is-wrong'))")
     found = window.run(f"fetch({json.dumps(links[1])}).then(answer => answer.text())")
     assert "<testsuites" in found
 
