@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.client.master import ANSWER_WAIT
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.desk import NO_EQUIPMENT, Desk, Equipment
@@ -85,12 +86,16 @@ def live_page(
     panels: tuple[type[Panel], ...] = (),
     port: int = 0,
     equipment: Equipment = NO_EQUIPMENT,
+    answer_wait: float = ANSWER_WAIT,
 ) -> Iterator[Served]:
-    """Serve the page of an in-process bus."""
+    """Serve the page of an in-process bus, whose masters wait so many seconds for an answer."""
     known = network or plant.decoder()
     session = Session(partial(open_bus, "virtual", channel), known, 500_000, lambda _: panels)
     try:
-        requests = Requests(Desk(session, folder, control, stop_message(panels), equipment=equipment))
+        desk = Desk(session, folder, control, stop_message(panels), equipment=equipment)
+        for each in (desk.master, desk.polling, desk.orders):
+            each.answer_wait = answer_wait
+        requests = Requests(desk)
         editor = FileEditor(
             lambda: [EditableFile(each.file, "network") for each in session.decoder.dictionaries], control
         )

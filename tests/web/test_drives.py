@@ -84,7 +84,8 @@ def bench(
     network = NETWORK if dictionary is SERVO else Decoder([dictionary])
     with (
         Live.node(open_bus("virtual", name), drive),
-        live_page(name, tmp_path, control, network=network, panels=()) as served,
+        # The drive is a thread of this process: on a loaded machine it may answer late.
+        live_page(name, tmp_path, control, network=network, panels=(), answer_wait=5.0) as served,
     ):
         yield Bench(served, drive, name)
 
