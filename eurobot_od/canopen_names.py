@@ -25,6 +25,7 @@ SIMULATED = "a `SimulatedDevice` run by `Live.node(bus, device)`, or a `LocalNod
 OWN_THREAD = "leave it out: the network reads on a thread of its own; `check()` raises what has stopped it"
 WAITS = "`drive402` has the same with `within` in seconds"
 OBJECT = "`node[...]`"
+CLASSES = "`node[...]`; canopen's classes are those of `node.od[...]`, such as `ODRecord`"
 VARIABLE = "the variable of the file has it: `.od`"
 RECORDS = "the objects themselves: `node[0x1800, 1]`, `node[0x1A00, 1]`"
 
@@ -63,7 +64,7 @@ MISSING = {
     },
     "eurobot_od.profiles.p402": {"Homing": "`homing()`, or `drive402.home()`"},
     "eurobot_od.sdo": {
-        **dict.fromkeys(("Array", "Record", "SdoArray", "SdoRecord", "SdoVariable", "Variable", "base"), OBJECT),
+        **dict.fromkeys(("Array", "Record", "SdoArray", "SdoRecord", "SdoVariable", "Variable", "base"), CLASSES),
         "SdoClient": "`node.sdo`",
         "SdoServer": SIMULATED,
         "constants": "`eurobot_od.sdo.wire`",

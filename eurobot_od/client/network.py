@@ -7,6 +7,7 @@ when a program looks. In simulated time (`simulated`) there is no thread, and ti
 
 from __future__ import annotations
 
+import logging
 import os
 from abc import abstractmethod
 from collections import deque
@@ -52,6 +53,7 @@ from eurobot_od.client.remote_device import (
 )
 from eurobot_od.client.streams import EndlessIterator, Keyed
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
+from eurobot_od.controller import Report
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, canopen_state, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
@@ -184,9 +186,9 @@ class NetworkOfDevices(Keyed, Generic[AnyDevice]):
     def _end(self) -> None:
         if self.is_open:
             self.master.close()
-            self.master = DISCONNECTED
             for device in self:
-                device.leave()
+                device.leave(self.master)
+            self.master = DISCONNECTED
 
     def _receive(self, cob_id: int, data: bytes, now: float) -> None:
         for device in self._devices.values():
@@ -726,10 +728,16 @@ class SimulatedNetwork(Network):
         made = SimulatedDevice(device, **options) if isinstance(device, Dictionary) else device
         dictionary = made.dictionary
         self.devices[dictionary.node_id] = made
-        self.stations[dictionary.node_id] = self.simulation.attach(made, self.simulation.now)
+        self.stations[dictionary.node_id] = self.simulation.attach(made, self.simulation.now, report=self._report)
         added = self.add(dictionary.node_id, dictionary)
         self.sleep(BOOT_TIME)
         return added
+
+    def _report(self, report: Report) -> None:
+        """Keep a report, and log the exception of a node, which its client only sees as silence."""
+        self.simulation.reports.append(report)
+        if report.error is not None:
+            logging.getLogger("eurobot_od").error("%s", report, exc_info=report.error)
 
 
 BOOT_TIME = 0.05

@@ -393,9 +393,10 @@ class DeviceAtNode(streams.Keyed):
         if self.dictionary is not None:
             master.follow(self.dictionary)
 
-    def leave(self) -> None:
-        """Note that the network is closed."""
-        self._node.master = DISCONNECTED
+    def leave(self, master: Master) -> None:
+        """Leave a network that is closed, unless it has joined another one."""
+        if self._node.master is master:
+            self._node.master = DISCONNECTED
 
     @property
     def od(self) -> ObjectDictionary:

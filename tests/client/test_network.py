@@ -305,6 +305,15 @@ def test_a_lost_node_is_noticed() -> None:
         watching.close()
 
 
+def test_an_exception_of_a_simulated_device_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    class Faulty(SimulatedDevice):
+        READERS: ClassVar = {VELOCITY: lambda _: 1 / 0}
+
+    with simulated(Faulty(SERVO)) as network, pytest.raises(NoAnswer):
+        network[5][VELOCITY].read()
+    assert [record.exc_info[0] for record in caplog.records if record.exc_info] == [ZeroDivisionError]
+
+
 def test_emergencies_are_told_and_remembered() -> None:
     with servo() as network:
         drive, told = network[5], list[str]()

@@ -436,6 +436,15 @@ def test_a_network_that_connects_again_has_one_bus_and_its_functions() -> None:
     assert (network.bus, threads_of(channels[1]), heard) == (None, [], [5])
 
 
+def test_a_node_that_has_moved_to_another_network_outlives_the_first() -> None:
+    with servo() as network:
+        first = Network.open("virtual", new_channel())
+        node = first.add(5, EDS)
+        network.add_node(node)
+        first.close()
+        assert node["Manufacturer device name"].value == "Servo 100"
+
+
 @pytest.mark.parametrize(
     "call",
     [

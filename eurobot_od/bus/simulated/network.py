@@ -27,7 +27,7 @@ from random import Random
 from typing import NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.bus import INTERMISSION, frame_bits
-from eurobot_od.controller import Report, TransmitQueue
+from eurobot_od.controller import Report, Reporter, TransmitQueue
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import OnError, Station
 from eurobot_od.device.timers import Plan
@@ -196,7 +196,12 @@ class Simulation:
     # Stations and their lives
 
     def attach(
-        self, node: Node, start: float = 0.0, processing: float = 0.0, on_error: OnError | None = None
+        self,
+        node: Node,
+        start: float = 0.0,
+        processing: float = 0.0,
+        on_error: OnError | None = None,
+        report: Reporter | None = None,
     ) -> Station:
         """Connect a node, and return its station.
 
@@ -205,8 +210,10 @@ class Simulation:
             start: time at which it is switched on, in s
             processing: time from the arrival of a frame until the node processes it, in s
             on_error: reaction to an exception of the node, which is then in the `reports`; None: it is raised
+            report: function that gets the station's reports; default: they are kept in `reports`
         """
-        station = Station(node, report=self.reports.append, clock=lambda: self.now, on_error=on_error, is_logged=False)
+        report = report or self.reports.append
+        station = Station(node, report=report, clock=lambda: self.now, on_error=on_error, is_logged=False)
         station.controller.start()
         node.wake = partial(station.plan.at, -inf)  # a call from outside may change its wake-up
         queue = station.controller.queue
