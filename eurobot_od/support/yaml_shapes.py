@@ -385,7 +385,9 @@ def _by_name(of: Of, _: ByName, kind: Any) -> Shape[Any]:
     item = get_args(kind)[0]
     keys = _keys(of, item)
     del keys["name"]
-    entries: Shape[dict[PlacedText, Any]] = mapping(record(dict, keys), TEXT)
+    # Both keep their places; a file whose texts need no quotes needs none for its names (`off`, 5).
+    names = SCALAR if of(str) is SCALAR else TEXT
+    entries: Shape[dict[PlacedText, Any]] = mapping(record(dict, keys), names)
     return converted(entries, lambda found: tuple(item(name=name, **values) for name, values in found.items()))
 
 
