@@ -154,7 +154,10 @@ REFUSED = [
     ("write: 0x2001, value: 9", "0x2001:0: Trim = 9 is not allowed; allowed: 10..100"),
     ("write: 0x2007, value: 1.6", "0x2007:0: Ratio = 1.6 is not allowed; allowed: -1.5..1.5"),
     ("write: 0x2004, value: warm", "0x2004:0: Factor = 'warm' is not allowed; allowed: a number"),
-    ("read: 0x2004, expect: 1 +- -1", "0x2004:0: Factor = -1.0 is not allowed; allowed: 0..inf"),
+    (
+        "read: 0x2004, expect: 1 +- -1",
+        "0x2004:0: Factor = -1.0 is not allowed; allowed: 0..inf; also 20 +- 1, 15..25, > 15, not 3, any",
+    ),
     ("write: 0x2003, value: 1", "0x2003:0: Key = '1' is not allowed; allowed: bytes in hexadecimal digits"),
     ("write: 0x2002, value: Zürich", "0x2002:0: Label = 'Zürich' is not allowed; allowed: ASCII text"),
     ("write: 0x2001, value: 128, abort: any", "0x2001:0: Trim = 128 is not allowed; allowed: -128..127"),

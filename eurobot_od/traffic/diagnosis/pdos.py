@@ -431,8 +431,8 @@ class SyncWatcher(Watcher):
         periods = None
         if not self._two:
             # The larger window has enough of the slower one where the periods differ much.
-            window = [] if self._number % SYNCS else self._times if self._number % WINDOW else self._more_times
-            periods = two_series([*window], ONE_PRODUCER)
+            window = self._times if self._number % WINDOW else self._more_times
+            periods = None if self._number % SYNCS else two_series([*window], ONE_PRODUCER)
         if periods and self._are_of_two(*periods):
             self._two = True
             every = " and ".join(brief(each) for each in periods)

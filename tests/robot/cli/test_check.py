@@ -55,7 +55,7 @@ def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     done = run(capsys, "check", "flows", "-i", "virtual", "-c", "apart")
-    assert done.status == 0
+    assert done.status == 1
     assert "skipped: its nodes have to share a world (--shared-world: they do)" in done.out
 
 

@@ -16,7 +16,7 @@ def test_a_log_becomes_mcap(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     log, file = tmp_path / "some.log", tmp_path / "some.mcap"
     log.write_text("(1.000000) can0 008#D27423592C01C3A5\n(1.250000) can0 7E6#\n")
     said = run(capsys, "export", "mcap", str(log), "-o", str(file))
-    assert said == (0, f"{file}: 1 message, 1 pose, 1 damaged\n", "")
+    assert said == (0, f"{file}: 1 message, 1 pose, 1 defect\n", "")
     assert file.read_bytes().startswith(b"\x89MCAP")
 
 
