@@ -43,7 +43,7 @@ NEEDS_A_FILE = {"show", "check", "node", "dump", "configure", "export"}
 
 FOUND = {
     # what ends with status 1, as the motor has no such thing or the robot does not load, and what is said
-    "store": "refused to write 0x1010:1",
+    "store": "cannot store parameters: it has no 0x1010",
     "restore": "refused to write 0x1011:1",
     "program": "has no 0x1F50:1 Program data",
     "drive": "refused to read 0x6041:0",

@@ -52,7 +52,7 @@ TRIES = {
     "": (*ALWAYS, Try(("archive", LOG, "-o", "season"), "the extra `season` brings it", 2)),
     ",".join(EXTRAS): (
         *ALWAYS,
-        Try(("archive", LOG, "-o", "season"), "0 damaged"),
+        Try(("archive", LOG, "-o", "season"), "0 defects"),
         Try(("query", "season", "SELECT count(*) AS n FROM frames"), "n"),
         Try(("export", "mcap", LOG, "-o", "match.mcap"), ""),
         Try(("field", LOG, "-o", "match.png"), ""),

@@ -19,7 +19,6 @@ from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od import DEFAULT
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
-from eurobot_od.od.network import READERS
 from eurobot_od.support.progress import OBJECTS, bar
 from eurobot_od.support.texts import one_line
 
@@ -186,13 +185,12 @@ class FileChecks(NamedTuple):
         device = load(data, file, self.over.patch, self.over.module)
         if not device.objects and (network := foreign_network(data)):
             raise DictionaryError(file, None, network)
-        if Path(file).suffix.lower() in READERS:
-            raise DictionaryError(
-                file, None, f"not a device's file; a network file is checked by lint --network {file}"
-            )
         is_named = file.lower().endswith(SUFFIXES)  # for these, missing sections are findings
         if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
-            raise DictionaryError(file, None, "not an EDS: it has no section of one")
+            from eurobot_od.od.network import is_network  # imports dictionaries, which a check does without
+
+            network = f"; a network file is checked by lint --network {file}" if is_network(file) else ""
+            raise DictionaryError(file, None, f"not an EDS: it has no section of one{network}")
         return lint_device(device, file, self.stack)
 
 

@@ -26,7 +26,7 @@ from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.motion import AxisAddress
 from eurobot_od.client.program import load
 from eurobot_od.client.streams import clear_history, read_history
-from eurobot_od.errors import LocalError, NoAnswer, NodeRefused, UnknownName
+from eurobot_od.errors import LocalError, NoAnswer, NodeRefused, RemoteError, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS, State
 from eurobot_od.od.dcf import renumbered
@@ -356,7 +356,7 @@ def store(target: Target) -> None:
         except NodeRefused as refused:
             if refused.code != AbortCode.NO_OBJECT:
                 raise
-            raise LocalError(f"node {node.node_id} cannot store parameters: it has no 0x1010") from None
+            raise RemoteError(f"node {node.node_id} cannot store parameters: it has no 0x1010") from None
     print(f"node {node.node_id} has stored all parameters")
 
 

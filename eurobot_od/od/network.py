@@ -52,6 +52,12 @@ def read_network(path: str | Path) -> NetworkFile:
     found = read(read_bytes(path).decode("utf-8", "replace"), str(path))
     if len(found.nodes) > len(NODE_IDS):
         raise FileError(path, f"{len(found.nodes)} nodes, and a network has {len(NODE_IDS)} at most")
+    first: dict[int, NodeFile] = {}
+    for each in found.nodes:
+        if each.node_id is not None and first.setdefault(each.node_id, each) is not each:
+            line = getattr(getattr(each.name, "place", None), "line", None)
+            said = f"nodes {first[each.node_id].name} and {each.name} both have node-ID {each.node_id}"
+            raise FileError(f"{path}:{line}" if line else path, said)
     return found
 
 
@@ -227,12 +233,6 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     )
     if not (network.nodes or network.robot or network.library):
         raise FileError(file, "it names no nodes")
-    first: dict[int, NodeFile] = {}
-    for each in network.nodes:
-        if each.node_id is not None and first.setdefault(each.node_id, each) is not each:
-            line = getattr(getattr(each.name, "place", None), "line", None)
-            said = f"nodes {first[each.node_id].name} and {each.name} both have node-ID {each.node_id}"
-            raise FileError(f"{file}:{line}" if line else file, said)
     unclear = [each.name for each in network.nodes if not each.file and each.node_id is None]
     if unclear:
         raise FileError(file, f"node {unclear[0]} has neither `file` nor `node_id`")

@@ -207,7 +207,7 @@ MISTAKES = {
     "a network file alone": (
         "lint|net.yaml",
         2,
-        "net.yaml: not a device's file; a network file is checked by lint --network net.yaml",
+        "net.yaml: not an EDS: it has no section of one; a network file is checked by lint --network net.yaml",
     ),
     "a node-ID twice": (
         "show|--network|net.yaml",
