@@ -46,7 +46,7 @@ FOUND = {
     "store": "cannot store parameters: it has no 0x1010",
     "restore": "refused to write 0x1011:1",
     "program": "has no 0x1F50:1 Program data",
-    "drive": "refused to read 0x6041:0",
+    "drive": "is no drive of CiA 402: read 0x6041:0 is refused",
     "lss": "no device without a node-ID answers",
     "doctor": "robot eurobot2014: ",
 }

@@ -535,13 +535,13 @@ def drive(
 
 
 def _check_is_drive(drive: Drive402, node: RemoteNode) -> None:
-    """Check that a node has a statusword; raises LocalError."""
+    """Check that a node has a statusword; raises RemoteError."""
     try:
         _ = drive.status
     except NodeRefused as refused:
         if refused.code != AbortCode.NO_OBJECT:
             raise
-        raise LocalError(f"node {node.node_id} is no drive of CiA 402: {refused.request} is refused") from None
+        raise RemoteError(f"node {node.node_id} is no drive of CiA 402: {refused.request} is refused") from None
 
 
 @contextmanager
