@@ -34,12 +34,10 @@ def blocks(results: Sequence[SuiteResult], facts: RunFacts) -> Iterator[DocBlock
     yield from failed(results)
     yield from skipped(results)
     yield DocHeading(2, "All steps")
-    head = "Line", "Step", "", "At, s", "Took, ms"
+    numbers = line, at, took = "Line", "At, s", "Took, ms"
     for result in results:
         yield DocHeading(3, f"{result.name} ({result.file.name}, {result.how})")
-        yield DocTable(
-            ("Line", "Step", "", "At, s", "Took, ms"), list(map(_row, result.steps)), ("Line", "At, s", "Took, ms")
-        )
+        yield DocTable((line, "Step", "", at, took), list(map(_row, result.steps)), numbers)
 
 
 def _who(device: CheckedDevice) -> tuple[str, ...]:
