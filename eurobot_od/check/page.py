@@ -6,7 +6,7 @@ The formats (Markdown, HTML) only write the blocks. The page of a conformance ru
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
 from eurobot_od.check import report
@@ -55,13 +55,16 @@ def _row(step: StepResult) -> tuple[str, ...]:
 
 
 def opening(
-    results: Sequence[SuiteResult], rows: Sequence[tuple[str, str]], doubts: Sequence[str]
+    results: Sequence[SuiteResult],
+    rows: Sequence[tuple[str, str]],
+    doubts: Sequence[str],
+    notes: Iterable[str] = (),
 ) -> Iterator[DocBlock]:
-    """Yield what stands under the title: what has to be known first, the summary, and the facts."""
+    """Yield what stands under the title: doubts about the devices, the verdict, notes, and the facts."""
     yield from map(Paragraph, doubts)
-    for notes in (report.changed, report.remarks, report.slowest, report.not_run):
-        yield from map(Paragraph, notes(results))
     yield Paragraph(f"{verdict(results)} {report.summary(results)}.")
+    for noted in (report.changed(results), report.remarks(results), notes, report.not_run(results)):
+        yield from map(Paragraph, noted)
     yield DocTable(("", ""), rows)
 
 

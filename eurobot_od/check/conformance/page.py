@@ -266,7 +266,8 @@ def text(file: Path, reports: Sequence[DeviceRun]) -> str:
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Yield the report of a device."""
     yield DocHeading(1, f"Conformance of {run.device.dictionary.name}")
-    yield from page.opening(run.results, run.facts, [run.device.doubt] if run.device.doubt else [])
+    doubts = [run.device.doubt] if run.device.doubt else []
+    yield from page.opening(run.results, run.facts, doubts, report.slowest(run.results))
     yield DocHeading(2, "Score by chapter")
     yield page.suites_table("Chapter", run.results)
     yield from page.failed(run.results)
