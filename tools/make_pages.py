@@ -29,7 +29,7 @@ from eurobot_od.check.conformance.page import DeviceRun  # noqa: E402
 from eurobot_od.check.report import CheckedDevice  # noqa: E402
 from eurobot_od.device.faults import FAULTS  # noqa: E402
 from eurobot_od.device.simulated import SimulatedDevice  # noqa: E402
-from eurobot_od.export.forms import docs_text  # noqa: E402
+from eurobot_od.export.forms import docs_text, markdown_of  # noqa: E402
 from eurobot_od.lint.findings import LEVELS  # noqa: E402
 from eurobot_od.od.dictionary import Dictionary  # noqa: E402
 from eurobot_od.robot import dialects  # noqa: E402
@@ -208,7 +208,7 @@ def conformance_report() -> str:
     module = Dictionary.load(IO_MODULE, NODE_ID)
     kind = FAULTS["guarding-toggle-stuck"].given_to(SimulatedDevice)
     done = list(results(suites_of(module, Tier.DESTRUCTIVE), kind))
-    return page.text(REPORT, [DeviceRun(CheckedDevice(module), Tier.DESTRUCTIVE, done)])
+    return markdown_of([*page.blocks(DeviceRun(CheckedDevice(module), Tier.DESTRUCTIVE, done))])
 
 
 MADE: Mapping[Path, Callable[[], str]] = {

@@ -165,9 +165,9 @@ def open_log(start: StartPage, said: Arguments) -> None:
     if "file" in said:
         name, content = files.sent_file(start, said)
         file = start.folder / name
-        if file.exists() and file.read_bytes() != content:
-            raise LocalError(f"{name} is in the folder already, with another content: rename one of them")
         is_new = not file.exists()
+        if not is_new and file.read_bytes() != content:
+            raise LocalError(f"{name} is in the folder already, with another content: rename one of them")
         write_whole(file, content)
     else:
         name = look_up("log", text_of(said, "log"), dict.fromkeys(logs(start, said), text_of(said, "log")))

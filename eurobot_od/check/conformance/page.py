@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -256,11 +255,6 @@ class DeviceRun(NamedTuple):
         found = lint(dictionary.content, dictionary.file.name)
         errors = [str(each) for each in found if each.severity is Severity.ERROR]
         return results_of(self.results, errors, self.beyond)
-
-
-def text(file: Path, reports: Sequence[DeviceRun]) -> str:
-    """Return the report of some devices in the format of the file's suffix; raises UnknownName."""
-    return forms.FORMS[forms.form_of(file)]([block for each in reports for block in blocks(each)])
 
 
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:

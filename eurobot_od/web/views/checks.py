@@ -171,8 +171,8 @@ class _Check:
         texts = {"json": json.dumps(data, indent=1), "xml": report.junit(results, facts)}
         blocks = page.blocks(results, facts)
         if self._made is not None and self._made.profile is None:
-            blocks = self._made.blocks(results, facts)
             (run,) = self._made.device_runs(results, facts)
+            blocks = ctt.blocks(run)
             texts["txt"] = "\n".join([self._device.name, *ctt.lines(run.tests), ""])
         texts["html"] = html_of(list(blocks))
         files = [Path(f"{stem}-{now:%Y%m%d-%H%M%S}.{suffix}") for suffix in texts]

@@ -20,6 +20,7 @@ from eurobot_od.check.suite import Step, Suite
 from eurobot_od.device.faults import FAULTS
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import UnknownName
+from eurobot_od.export.forms import form_of, html_of, markdown_of
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.values import NMT_COB_ID
@@ -71,12 +72,12 @@ SAID = [
 
 
 def test_the_report_has_expected_and_received_values() -> None:
-    text = page.text(Path("page.md"), [report()])
+    text = markdown_of([*page.blocks(report())])
     assert [said for said in SAID if said not in text] == []
 
 
 def test_the_html_is_one_page_with_all_text_escaped() -> None:
-    html = page.text(Path("page.html"), [report()])
+    html = html_of([*page.blocks(report())])
     assert html.startswith("<!DOCTYPE html>")
     assert "&gt; 705#R1" in html
 
@@ -85,7 +86,7 @@ def test_steps_red_for_the_same_reason_are_one_line_each() -> None:
     kind = CONFORMANCE["unknown-object-code-wrong"].given_to(SimulatedDevice)
     done = list(results(suites(IO_MODULE, chapter="objects"), kind))
     run = DeviceRun(MODULE_SHOWN, Tier.REVERSIBLE, done, TODAY)
-    text = page.text(Path("page.md"), [run])
+    text = markdown_of([*page.blocks(run)])
     assert text.count("### Unknown object: read") == 1
     assert "| read 0x5FFF:0 |" in text
 
@@ -96,7 +97,7 @@ def test_steps_after_a_red_one_of_their_group_are_skipped() -> None:
 
 def test_another_suffix_is_refused() -> None:
     with pytest.raises(UnknownName, match=r"unknown document format '\.txt'"):
-        page.text(Path("page.txt"), [])
+        form_of(Path("page.txt"))
 
 
 # CiA's tool
