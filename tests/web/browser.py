@@ -24,6 +24,12 @@ PATIENCE = 60.0
 PROGRAM = next(filter(None, map(shutil.which, BROWSERS)), None)
 """The browser, None on a machine that has none."""
 
+SERVER_IS_GONE = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE")
+"""What the browser says of a request that meets no server, one that ends with it still waiting, or before its answer.
+
+The page asks again until there is a server.
+"""
+
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars",
     "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
@@ -67,9 +73,9 @@ class Page:
             details = said["params"]["exceptionDetails"]
             self.complaints.append(str(details.get("exception", details).get("description", details)))
         if said.get("method") == "Log.entryAdded" and said["params"]["entry"]["level"] == "error":
-            text = said["params"]["entry"]["text"]
-            if not (self.may_lose_its_server and "ERR_CONNECTION_REFUSED" in text):
-                self.complaints.append(text)
+            entry = said["params"]["entry"]
+            if not (self.may_lose_its_server and any(each in entry["text"] for each in SERVER_IS_GONE)):
+                self.complaints.append(f"{entry['text']} ({entry.get('url', '')})")
 
     def open(self, address: str) -> None:
         """Load a page and wait until it has drawn itself."""
