@@ -399,11 +399,16 @@ def inquire(identity: Identity | None, alone: bool) -> LssSteps[str]:
 
 
 def set_up(identity: Identity | None, alone: bool, wanted: Sequence[LssChange]) -> LssSteps[str]:
-    """Configure a device, selected as by `chosen`; return what was done, as text."""
+    """Configure a device, selected as by `chosen`; return what was done, and whether it was one of several, as text."""
     device = yield from chosen(identity, alone)
+    others = ""
+    if device and not identity:  # asked before it gets its bit rate, with which the bus may change
+        is_last = yield from _is_complete([device], doubtful=False)
+        others = "" if is_last else "; another device has no node-ID: --identity tells which one is meant"
+        yield from select(device)
     for each in wanted:
         yield from each.steps
-    return f"{device or ONLY}  {', '.join(each.done for each in wanted)}"
+    return f"{device or ONLY}  {', '.join(each.done for each in wanted)}{others}"
 
 
 ONLY = "the only device"

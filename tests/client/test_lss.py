@@ -138,6 +138,29 @@ def test_node_id_and_bit_rate_are_set_stored_and_activated() -> None:
     assert (slave.stored, slave.active, slave.silent_until) == ((5, 250), (255, 250), 1.0)
 
 
+SEVERAL = "node-ID 5; another device has no node-ID: --identity tells which one is meant"
+
+
+@pytest.mark.parametrize(
+    ("identities", "identity", "always_scanned", "said"),
+    [
+        ([ONE], None, False, "node-ID 5"),
+        ([NEXT, ONE], None, False, SEVERAL),
+        ([NEXT, ONE], ONE, False, "node-ID 5"),  # chosen
+        ([ONE], None, True, "node-ID 5"),
+        ([NEXT, ONE], None, True, "node-ID 5"),  # the one that is being configured answers for the others
+    ],
+)
+def test_a_device_that_is_taken_without_a_choice_is_told_not_to_be_the_only_one(
+    identities: list[Identity], identity: Identity | None, always_scanned: bool, said: str
+) -> None:
+    slaves = [LssStation(each, always_scanned=always_scanned) for each in identities]
+    with wired(*slaves) as master:
+        done = perform(master, lss.set_up(identity, False, lss.settings(node_id=5)))
+    assert done == f"{ONE}  {said}"
+    assert {each.identity: each.slave.pending.node_id for each in slaves} == dict.fromkeys(identities, 255) | {ONE: 5}
+
+
 @pytest.mark.parametrize(
     ("command", "error", "steps", "said"),
     [
