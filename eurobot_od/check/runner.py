@@ -174,7 +174,6 @@ class Runner:
         # The teardown goes on after a red step: a later step may be the one that stops the node.
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         await self._check_heard()
-        disturbed = [each for each in self._results if each.reason and each.reason.meanwhile]
         return SuiteResult(
             suite.file,
             suite.name,
@@ -185,8 +184,14 @@ class Runner:
             ended=self._ended_by,
             asked_again=self._tester.asked_again,
             slowest=self._tester.slowest,
-            remarks=(self._other_client(),) if disturbed else (),
+            remarks=tuple(self._remarks()),
         )
+
+    def _remarks(self) -> Iterator[str]:
+        if any(each.reason and each.reason.meanwhile for each in self._results):
+            yield self._other_client()
+        if (said := self._reported()) and all(each.status in GOES_ON for each in self._results):
+            yield f"all is green, and yet the last error is not reset: {said}"
 
     async def _check_heard(self) -> None:
         """Add a red step if all that was done is green, and yet no node under test is there."""

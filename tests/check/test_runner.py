@@ -345,3 +345,17 @@ def test_an_emcy_before_a_reset_is_not_reported(before: str) -> None:
     reason = run(f"{before}- expect: Move Confirm")[-1].reason
     assert reason is not None
     assert reason.cause == ""
+
+
+@pytest.mark.parametrize(
+    ("steps", "remarks"),
+    [
+        (TOO_SHORT, ["all is green, and yet the last error is not reset: EMCY  lift, 0x8210 pdo too short"]),
+        ("- errors: none\n", []),
+        (f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n", []),
+        (f"{TOO_SHORT}- expect: Move Confirm\n", []),  # red: its step has it
+    ],
+)
+def test_a_green_suite_says_which_error_the_node_has_reported_at_the_end(steps: str, remarks: list[str]) -> None:
+    result = run_simulated(suite(document(steps)), RunOptions(), plant.PLUGINS.under_test)
+    assert [each.partition(", register")[0] for each in result.remarks] == remarks
