@@ -402,9 +402,9 @@ def test_states_of_lss_are_the_standards() -> None:
 
 def test_arguments_have_the_names_of_canopens() -> None:
     bus = open_bus(new_channel())
-    with Network(bus=bus) as network:
+    with Network(bus=bus) as network, Network(bus) as other:
         assert network.connect() is network
-        assert (network.bus, Network(bus).bus) == (bus, bus)
+        assert (network.bus, other.bus) == (bus, bus)
         node = RemoteNode(node_id=5, object_dictionary=EDS)
         assert network.add_node(node).sdo[0x1000].name == "Device type"
     bus.shutdown()
