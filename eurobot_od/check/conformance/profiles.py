@@ -250,8 +250,8 @@ def _homing(drive: DriveUnderTest) -> Steps:
     method = _homes_here(drive)
     yield step.write(f"method {method}", (cia402.HOMING_METHOD, 0), value=method)
     yield from _mode(drive, Mode.HOMING)
-    # Bits 13, 12 and 10: no error, not attained, target reached (CiA 402-2, clause 11).
-    yield _until(drive, "not started", 0x3400, cia402.TARGET_REACHED)
+    # No error, and no procedure that runs (CiA 402-2, clause 11). Bit 12 stays set from an earlier homing.
+    yield _until(drive, "not running", cia402.BIT_13 | cia402.TARGET_REACHED, cia402.TARGET_REACHED)
     yield _command(DriveCommand.ENABLE.bits | cia402.HOMING_START, "start homing")
     yield _until(drive, "homing attained", done | cia402.BIT_13, done, MOVED)
     yield from _off(drive)

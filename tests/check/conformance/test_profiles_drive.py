@@ -30,6 +30,16 @@ def test_a_drive_without_faults_is_green() -> None:
     assert len(done) > 300
 
 
+def test_a_drive_that_was_homed_before_is_green() -> None:
+    class Homed(SimulatedDrive):
+        def tick(self, now: float) -> list[object]:  # type: ignore[override]
+            for axis in self.axes:
+                axis.homed = True
+            return super().tick(now)  # type: ignore[return-value]
+
+    assert [each.name for each in steps(suite(), Homed) if each.status is not Status.PASSED] == []
+
+
 @pytest.mark.long
 def test_the_first_red_step_is_the_one_named_by_the_fault() -> None:
     red = {name: first_red(suite(), fault.given_to(SimulatedDrive)) for name, fault in DRIVE_FAULTS.items()}
