@@ -26,7 +26,7 @@ from eurobot_od.cli.devices import (
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
-from eurobot_od.client.description import Found, addressed
+from eurobot_od.client.description import Found, addressed, check_free
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
@@ -443,14 +443,17 @@ def lss(
     """
     known = Devices(library=library).known_library
     wanted = services.settings(**vars(settings))  # checked before the first frame is sent
-    if action == "set" and not wanted:
-        raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
+    if bool(wanted) is (action == "find"):
+        options = "--node-id, --bit-rate, --store and --activate"
+        raise LocalError(f"{options} are for `lss set`" if wanted else f"nothing to set: {options} say what")
     if address := action == "set" and identity and Plugins(packages=packages(package)).for_identity(identity).address:
         with Master(bus.open()) as master:
             print(addressed(master, address, identity, **vars(settings)))
         return ExitStatus.FINE
     steps = _find(identity, alone, known) if action == "find" else _set(identity, alone, wanted)
     with Master(bus.open(), timeout) as master:
+        if not alone:  # it is the only one, so nobody else has a node-ID
+            check_free(master, settings.node_id, identity)
         try:
             with bar(f"lss {action}", unit=REQUESTS, late=True) as progress:
                 lines = perform(master, steps, timeout, progress)

@@ -37,6 +37,22 @@ async def read_identity(node: RemoteNode) -> Identity:
     return Identity(*(int.from_bytes(each, "little") for each in numbers))
 
 
+@Procedure
+async def check_free(master: Master, node_id: int | None, identity: Identity | None = None) -> None:
+    """Check that no device, but for the one with an identity, answers at a node-ID that is to be set.
+
+    None and 255, for no node-ID, are free. Raises RemoteError if one does, and BusError.
+    """
+    if node_id not in NODE_IDS:
+        return
+    try:
+        found = await read_identity.steps(master.node(node_id))
+    except NoAnswer:
+        return
+    if found != identity:
+        raise RemoteError(f"node-ID {node_id} is taken: a device answers there, with the identity {found}")
+
+
 Addressing: TypeAlias = Callable[[Master, Identity, int], object]
 """A manufacturer's procedure that sets the node-ID of the device with an identity."""
 
@@ -53,6 +69,7 @@ def addressed(
     """
     if node_id is None or any(others.values()):
         raise LocalError(f"the device package for {identity} sets the node-ID: give a node-ID, and nothing else")
+    check_free(master, node_id, identity)
     address(master, identity, node_id)
     for attempt in range(ADDRESSED_ATTEMPTS):
         try:

@@ -320,7 +320,7 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
         missing = f"no device has the identity {identity}"
     else:
         found = yield from fastscan()
-        missing = "no device without a node-ID answers"
+        missing = "no device without a node-ID answers; one that has a node-ID is reached by its identity"
     if found is None:
         raise RemoteError(missing)
     return found

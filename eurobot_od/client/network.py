@@ -27,7 +27,7 @@ from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.canopen_names import NamedAsInCanopen
 from eurobot_od.client import lss
-from eurobot_od.client.description import LISTEN, Found, read_numbers, scan, uploaded
+from eurobot_od.client.description import LISTEN, Found, check_free, read_numbers, scan, uploaded
 from eurobot_od.client.drive402 import STATES
 from eurobot_od.client.lss import LssSteps, Result
 from eurobot_od.client.master import (
@@ -370,9 +370,10 @@ class LssOfNetwork:
     ) -> Identity | None:
         """Assign a node-ID, and a bit rate in kbit/s, to the device with an identity (None: the first without one).
 
-        Returns the identity of that device. Raises RemoteError if there is none or if it refuses; NoAnswer, LocalError,
-        BusError.
+        Returns the identity of that device. Raises RemoteError if there is none, if it refuses, or if another device has
+        the node-ID; NoAnswer, LocalError, BusError.
         """
+        await check_free.steps(self._network.master, node_id, identity)
         return await self._perform(lss.assigned(node_id, identity, bit_rate, store), wait)
 
     async def _perform(self, steps: LssSteps[Result], wait: float) -> Result:

@@ -145,7 +145,8 @@ def said(
             "",
             "100 kbit/s is not in CiA 305's table: 1000, 800, 500, 250, 125, 50, 20, 10",
         ),
-        (["set"], 2, "", "nothing to set: give --node-id, --bit-rate, --store or --activate"),
+        (["set"], 2, "", "nothing to set: --node-id, --bit-rate, --store and --activate say what"),
+        (["find", "--node-id", "5"], 2, "", "--node-id, --bit-rate, --store and --activate are for `lss set`"),
     ],
 )
 def test_lss_finds_a_device_and_sets_its_node_id(

@@ -583,6 +583,14 @@ def test_devices_without_a_node_id_are_found_and_given_one() -> None:
     assert [(slave.node_id, slave.state) for slave in slaves] == [(8, WAITING), (7, WAITING)]
 
 
+def test_a_node_id_that_another_device_has_is_not_set() -> None:
+    with servo() as network:
+        with pytest.raises(RemoteError, match="node-ID 5 is taken: a device answers there, with the identity 0x"):
+            network.lss.assign(5)
+        with pytest.raises(RemoteError, match="no device has the identity"):  # it may keep its own, but has no LSS
+            network.lss.assign(5, Identity.of(SERVO))
+
+
 def test_a_device_that_refuses_its_bit_rate_does_not_obey_the_next_command() -> None:
     slave = LssStation(Identity(1, 2, 3, 4), errors={0x13: (1, 0)})
     with Network(wired(slave)) as network, pytest.raises(RemoteError, match="refuses to configure bit timing"):

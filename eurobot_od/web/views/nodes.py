@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from eurobot_od.client import lss
-from eurobot_od.client.description import Found, addressed, scan
+from eurobot_od.client.description import Found, addressed, check_free, scan
 from eurobot_od.client.lss import perform
 from eurobot_od.client.streams import read_history
 from eurobot_od.errors import LocalError
@@ -76,8 +76,14 @@ def set_lss(desk: Desk, said: Arguments) -> int:
         raise LocalError("identity is missing, or not four numbers of 32 bits")
     identity = Identity(*numbers)
     address = desk.equipment.address(identity)
+
+    def by_lss(job: Job) -> str:
+        with job.master() as master:
+            check_free(master, node_id, identity)
+        return _performed(job, lss.set_up(identity, False, wanted))
+
     if address is None:
-        return desk.start("lss set", "LSS", lambda job: _performed(job, lss.set_up(identity, False, wanted)))
+        return desk.start("lss set", "LSS", by_lss)
 
     def by_maker(job: Job) -> list[str]:
         with job.master() as master:
