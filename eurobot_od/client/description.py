@@ -43,7 +43,7 @@ async def check_free(master: Master, node_id: int | None, identity: Identity | N
 
     None and 255, for no node-ID, are free. Raises RemoteError if one does, and BusError.
     """
-    if node_id not in NODE_IDS:
+    if node_id is None or node_id not in NODE_IDS:
         return
     try:
         found = await read_identity.steps(master.node(node_id))

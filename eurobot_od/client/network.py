@@ -370,8 +370,8 @@ class LssOfNetwork:
     ) -> Identity | None:
         """Assign a node-ID, and a bit rate in kbit/s, to the device with an identity (None: the first without one).
 
-        Returns the identity of that device. Raises RemoteError if there is none, if it refuses, or if another device has
-        the node-ID; NoAnswer, LocalError, BusError.
+        Returns the identity of that device. Raises RemoteError if there is none, if it refuses, or if another device
+        has the node-ID; NoAnswer, LocalError, BusError.
         """
         await check_free.steps(self._network.master, node_id, identity)
         return await self._perform(lss.assigned(node_id, identity, bit_rate, store), wait)
