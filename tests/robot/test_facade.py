@@ -259,7 +259,8 @@ def test_the_end_of_the_match_ends_the_strategy_and_the_robot_stands(partners: P
         robot.start_match(0.3)
         robot.play(play)
         assert robot.core.match_over
-    assert ends == []
+    # The bus's thread ends the goto and cancels the strategy, which may see the first before the second.
+    assert ends in ([], [Outcome.STOPPED])
     assert partners.commands[-1] == StopDrive()
 
 
