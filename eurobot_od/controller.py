@@ -10,12 +10,14 @@ are counted and reported.
 
 from __future__ import annotations
 
+import logging
 import time
 from bisect import insort
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
+from inspect import signature
 from math import inf
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
@@ -71,6 +73,8 @@ class Report:
 
 Reporter: TypeAlias = Callable[[Report], object]
 """Called with a report, on the thread where it happened; it must neither raise nor wait."""
+
+CONTROLLER_LOG = logging.getLogger("eurobot_od.controller")
 
 REPORTS_KEPT = 1000
 """Maximum number of reports that are kept until they are read."""
@@ -418,9 +422,9 @@ ALL_MESSAGES = "all messages"
 class Controller:
     """The listeners of one bus, their receive filters, and the `queue` of frames to send.
 
-    Calls longer than `slow_after` s by `clock` are reported. Reports go to `report`; without it, the latest ones are
-    kept in `reports`. If `report` raises, such as for a closed pipe, it is not called again: its exception is
-    `report_failure`, and reports are kept. One thread receives; the bus's owner sends.
+    Calls longer than `slow_after` s by `clock` are reported. Reports go to `report`; without it, they are logged as
+    warnings, and the latest ones are kept in `reports`. If `report` raises, such as for a closed pipe, it is not called
+    again: its exception is `report_failure`, and reports are kept. One thread receives; the bus's owner sends.
 
     `call_function` decides where functions run: in place, in the order of their registration, until a `Live` gives them
     a thread of their own. `rerouted` is called at the start, and on the receiving thread when the receive filters have
@@ -452,6 +456,7 @@ class Controller:
     def report(self, report: Report) -> None:
         """Pass on a report, from any thread; never raises."""
         if self._report is None or self.report_failure is not None:
+            CONTROLLER_LOG.warning("%s", report)
             self.reports.append(report)
             return
         try:
@@ -494,6 +499,7 @@ class Controller:
             name: name of the function in reports; default: its own
 
         Raises:
+            ListenerError: the function cannot be called with two arguments
             UnknownName: no message has this type
         """
         self._add_function(ListenerKind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
@@ -523,6 +529,12 @@ class Controller:
         self, kind: ListenerKind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
     ) -> FunctionListener[Any]:
         name = name or getattr(function, "__qualname__", None) or repr(function)
+        try:
+            signature(function).bind(None, 0.0)
+        except TypeError as error:
+            raise ListenerError(f"{name}: {error}; it is called with what has come, and its timestamp") from None
+        except ValueError:  # a function of C, which does not say what it takes
+            pass
         listener = FunctionListener(name, function, self.report, self.clock, self._slow_after)
 
         def deliver(message: Any, timestamp: float) -> None:
@@ -625,9 +637,10 @@ class Controller:
 
     def send(self, message: Message, now: float) -> None:
         """Encode a message and put it into the queue, without waiting. Raises FieldError."""
+        frame = self._protocol.encode(message)
         # A stop never expires.
         stop = self._protocol.binding(type(message)).always
-        self.queue.submit(self._protocol.encode(message), now, Stay.LASTING if stop else Stay.SHORT)
+        self.queue.submit(frame, now, Stay.LASTING if stop else Stay.SHORT)
 
     # Counts
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from random import Random
+from typing import Any
 
 import pytest
 
 from eurobot_od.controller import Controller, Event, ListenerStatistics, Report, Stay, TransmitQueue, TransmitStatistics
-from eurobot_od.errors import ListenerError, StateError
+from eurobot_od.errors import ListenerError, LocalError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
 from tests.kit import lift
@@ -162,6 +163,33 @@ def test_listeners_are_added_only_before_the_start() -> None:
         heard_by(controller, [0x185], "horn")
     with pytest.raises(StateError, match="has started already"):
         controller.start()
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda _: None, "horn: too many positional arguments; it is called with what has come, and"),
+        (lambda _a, _b, _c: None, "horn: missing a required argument: '_c'; it is called with"),
+        ("horn", "horn: 'horn' is not a callable object; it is called with"),
+    ],
+)
+def test_a_listener_that_cannot_be_called_is_refused(function: Any, said: str) -> None:
+    with pytest.raises(ListenerError, match=f"^{said}"):
+        Controller(LIFT).add_function(None, function, "horn")
+
+
+def test_without_a_function_for_reports_they_are_logged_and_kept(caplog: pytest.LogCaptureFixture) -> None:
+    controller = Controller(NO_MESSAGES)
+    controller.add_frames(lambda: [0x185], lambda *_: 1 / 0, "horn")
+    controller.start()
+    controller.receive(PDO, 0.5)
+    assert [each.getMessage() for each in caplog.records] == [str(each) for each in controller.reports]
+    assert controller.reports[0].name == "horn"
+
+
+def test_a_text_is_no_message() -> None:
+    with pytest.raises(LocalError, match="a message is an object of its class"):
+        Controller(LIFT).send("Halt", 0.0)  # type: ignore[arg-type]
 
 
 # Messages: those of a lift, as a neutral catalogue has them

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -273,6 +274,7 @@ def watch(
         )
         with suppress(KeyboardInterrupt):  # the usual way to end it
             watch_nodes(master, watched, started + span, bus.guard(master, no_reconnect))
+            watched.end(master.clock())
     return ExitStatus.FOUND if any(node.lost for node in watched.nodes.values()) else ExitStatus.FINE
 
 
@@ -322,7 +324,9 @@ def _period(text: str) -> float:
 
 
 def _identifier(text: str) -> int:
-    """Parse an 11-bit COB-ID; raises LocalError."""
+    """Parse an 11-bit COB-ID; raises LocalError, also for `80`, which would be 0x050 where an index is hexadecimal."""
+    if re.fullmatch("[0-9]+", text):
+        raise LocalError(f"{text} is decimal or hexadecimal; write 0x{text}")
     number = parse_number(text)
     if number is None or number.relative or not 0 <= number.value <= BASE_IDENTIFIER:
         raise LocalError(f"{text!r} is not an 11-bit identifier")

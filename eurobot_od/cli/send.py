@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Sequence
+from itertools import takewhile
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +19,7 @@ from eurobot_od.cli.options import BusOptions, Seconds
 from eurobot_od.cli.signature import Option, bus_named
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.kinds import Message, describe
+from eurobot_od.pdo.kinds import Message, describe, plain_name
 from eurobot_od.pdo.protocol import FRAME_MARK, Protocol, frame_to_send
 from eurobot_od.support.texts import amount, one_line
 
@@ -66,6 +67,9 @@ def send(
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
     # Frames can be sent without files.
     protocol = devices.decoder().protocol if are_frames else devices.protocol()
+    name = " ".join((message, *takewhile(lambda each: "=" not in each, fields)))
+    if name != message and plain_name(name) in map(plain_name, protocol.names()):
+        raise LocalError(f"a name with spaces needs quotes: send '{name}'")
     frame, words = question(protocol, message, fields)
     expected = expectation(protocol, expect) if expect else None
     # Printed after sending, as the bus may not accept the frame.

@@ -19,8 +19,10 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import label
+from eurobot_od.od.values import label, parse_number
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.kinds import plain_name
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import columns, one_line
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ def show(
 
     Exit status 1 if a file has objects that are left out.
 
-    message: name of a message, such as 'Goto XY' (default: all)
+    message: name or identifier of a message, such as 'Goto XY' (default: all)
     objects: list the devices' objects, or those of a device, a name or an index, such as Motor or 0x1018
 
     $ show --eds 5=motor.eds
@@ -54,9 +56,22 @@ def show(
         _show_objects(known, objects, as_json)
         return completeness(known)
     protocol = devices.protocol(known)
-    chosen = [protocol.binding(message)] if message else protocol.bindings
+    chosen = [_binding(protocol, message, known)] if message else protocol.bindings
     give(as_json, map(as_data, chosen), map(one_line, picture(chosen[0]) if message else table(chosen)))
     return completeness(known)
+
+
+def _binding(protocol: Protocol, message: str, known: Sequence[Dictionary]) -> Binding:
+    """Return a message's binding by its name or COB-ID; raises UnknownName, LocalError."""
+    if message in (each.name for each in known) and plain_name(message) not in map(plain_name, protocol.names()):
+        raise LocalError(f"{message} is a device, not a message: show --objects {message} lists its objects")
+    number = parse_number(message)
+    if number is None:
+        return protocol.binding(message)
+    found = next((each for each in protocol.bindings if each.cob_id == number.value), None)
+    if found is None:
+        raise LocalError(f"no message has the identifier {message}")
+    return found
 
 
 # Objects

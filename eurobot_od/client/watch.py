@@ -167,15 +167,22 @@ class NodeWatch:
         """Report lost nodes, and return the COB-IDs to request by remote frames now."""
         if self._started is None:
             self._started = now
-        for node_id in sorted({*self.nodes, *self._expected}):
-            node = self._node(node_id)
-            if not node.lost and now > self._deadline(node_id, node):
-                node.lost = True
-                self._report_change(now, node_id, NodeChange.LOST)
+        self._lose(lambda node_id, node: now > self._deadline(node_id, node), now)
         asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
         # Counted from now, so that missed requests are not sent all at once after a pause.
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
+
+    def end(self, now: float) -> None:
+        """Report the expected nodes that were never heard: a watch may end before they have had their time."""
+        self._lose(lambda node_id, node: node_id in self._expected and node.pulse.heard is None, now)
+
+    def _lose(self, is_lost: Callable[[int, WatchedNode], bool], now: float) -> None:
+        for node_id in sorted({*self.nodes, *self._expected}):
+            node = self._node(node_id)
+            if not node.lost and is_lost(node_id, node):
+                node.lost = True
+                self._report_change(now, node_id, NodeChange.LOST)
 
     def observer(self, master: Master) -> Observer:
         """Return the observer that a master calls with every frame."""

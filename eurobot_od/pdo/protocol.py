@@ -167,6 +167,8 @@ class Protocol:
         try:
             write = self._writers[type(message)]
         except KeyError:
+            if isinstance(message, str):
+                raise LocalError(f"{message!r} is a text; a message is an object of its class") from None
             write = self._writers[type(message)] = self.binding(type(message)).encode
         return write(message)
 

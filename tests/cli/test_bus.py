@@ -49,8 +49,9 @@ def test_watch_in_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("bus")
-def test_an_expected_node_that_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "watch", "7", "--for", "2 s", "--within", "1 s")
+@pytest.mark.parametrize("within", ["1 s", "5 s"])  # which is longer than the watch
+def test_an_expected_node_that_is_missing(capsys: pytest.CaptureFixture[str], within: str) -> None:
+    said = run(capsys, "watch", "7", "--for", "2 s", "--within", within)
     assert (said.status, said.out.splitlines()[-1].split(maxsplit=1)[1]) == (1, "node 7 is lost")
 
 
@@ -89,6 +90,7 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
         (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),
         (["sync", "--counter", "1"], "a counter of SYNC ends at 2 to 240, not at 1"),
         (["sync", "--period", "0 s"], "the period must be longer than 0"),
+        (["sync", "--cob-id", "80"], "80 is decimal or hexadecimal; write 0x80"),
         (["sync", "--cob-id", "0x800"], "'0x800' is not an 11-bit identifier"),
     ],
 )

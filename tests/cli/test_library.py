@@ -422,7 +422,7 @@ LIFT_COMMANDS: dict[str, tuple[str, int, str]] = {
     "read": ("read lift Speed", 0, "7 rpm"),
     "dump": ("dump lift", 0, "7 rpm"),
     "nmt": ("nmt lift start", 0, "node 5"),
-    "watch": ("watch lift --for 0.1s", 0, ""),
+    "watch": ("watch lift --for 0.1s", 1, "node 5 lift is lost"),  # it has no heartbeat
     "scan": ("scan", 0, "   5  lift        "),
     "boot": ("boot", 0, "lift: "),
     "check": ("check --conformance --tag nmt", 0, "lift"),

@@ -216,6 +216,7 @@ WRONG = [
     (["Halt Lift", "--expect", "1855#"], "'1855#' is not a frame"),
     (["Gotto"], "unknown message 'Gotto'; known: Halt All, "),
     (["Move Confrm"], "unknown message 'Move Confrm'; did you mean Move Confirm or Order Confirm?"),
+    (["Move", "To", *MOVE[1:]], "a name with spaces needs quotes: send 'Move To'"),
     ([*MOVE, "z=1"], "unknown field of Move To 'z'; known: x, y, angle, speed, gates, direction, route"),
     (["Halt Lift", "x=1"], "unknown field of Halt Lift 'x'"),
     (MOVE[:2], "Move To: y, angle, speed missing"),

@@ -72,6 +72,7 @@ def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol:
         ("move to", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
         ("MoveTo", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
         ("move-to", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
+        ("0x202", "Move To  COB-ID 0x202  8 bytes, 6 without gates"),
         ("Halt Cause", "Halt Cause  COB-ID 0x281  1 byte"),
         ("Halt Lift", "Halt Lift  COB-ID 0x381  no data"),
     ],
@@ -103,6 +104,8 @@ def test_the_dialect_may_come_from_the_environment(
     ("words", "complaint"),
     [
         (["show", "Move Tx"], "unknown message 'Move Tx'; did you mean Move To?"),
+        (["show", "panel"], "panel is a device, not a message: show --objects panel lists its objects"),
+        (["show", "0x7F0"], "no message has the identifier 0x7F0"),
         (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: packed, plain"),
         (["show", "Move To", "--objects"], "either a message or --objects, not both"),
         (["show", __file__], f"{__file__} is a file, not a message: name it by --eds"),

@@ -158,7 +158,7 @@ class BarrierFlags(Kind):
             return Barriers(0 if text == "none" else typed_number(text))
         passages = {}
         for part in text.split(","):
-            name, _, passage = part.partition(":")
+            name, _, passage = part.replace("=", ":").partition(":")
             wanted = passage.strip().upper() or Passage.NORMAL.name
             if wanted not in Passage.__members__:
                 raise ValueError(part)

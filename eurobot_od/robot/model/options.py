@@ -66,11 +66,11 @@ class Errors:
                 changes[name] = float(text)
             except ValueError:
                 changes[name] = -1.0
+            is_share = name not in UNITS
             # Every comparison with "nan" is false, so this fails for it.
-            if not 0.0 <= changes[name] < inf:
-                raise LocalError(f"{name}={text}: not a number from 0 on")
-            if name not in UNITS and changes[name] > 1:
-                raise LocalError(f"{name}={text} is not allowed; allowed: 0..1, as a share of all")
+            if not 0.0 <= changes[name] < inf or (is_share and changes[name] > 1):
+                allowed = "0..1, as a share of all" if is_share else f"a number from 0 on, in {UNITS[name]}"
+                raise LocalError(f"{name}={text} is not allowed; allowed: {allowed}")
         return replace(self, **changes)
 
 

@@ -378,7 +378,12 @@ def test_wrong_usage_is_the_last_line(capsys: pytest.CaptureFixture[str], words:
             2,
             "unknown error of the world 'wheel_nose'; did you mean wheel_noise or wheel_scale?",
         ),
-        (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
+        (
+            ["--world", "wheel_noise=-1"],
+            2,
+            "wheel_noise=-1 is not allowed; allowed: a number from 0 on, in mm over 1 m",
+        ),
+        (["--world", "beacon_dropouts=30%"], 2, "beacon_dropouts=30% is not allowed; allowed: 0..1, as a share of all"),
         (["--world", "beacon_dropouts=30"], 2, "beacon_dropouts=30 is not allowed; allowed: 0..1, as a share of all"),
         (["--set", "bdy.radius=1"], 2, "unknown setting 'bdy.radius'; did you mean body.radius?"),
         (

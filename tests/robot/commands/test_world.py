@@ -198,7 +198,11 @@ WORLD = ["--world", "127.0.0.1:9"]
         (["world", "--listen", "192.0.2.1:0"], 3, "eurobot-od: cannot listen on 192.0.2.1:0: "),
         (["world", "--world", "wheel_noise"], 2, "argument --world: wheel_noise: write NAME=VALUE"),
         (["world", "--world", "wheel_noize=1"], 2, "did you mean wheel_noise?"),
-        (["world", "--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
+        (
+            ["world", "--world", "wheel_noise=-1"],
+            2,
+            "allowed: a number from 0 on, in mm over 1 m",
+        ),
         (["node", "drive", *WORLD], 3, "eurobot-od: the world at 127.0.0.1:9 does not answer: "),
         (
             ["node", "core", "--strategy", "shipped"],

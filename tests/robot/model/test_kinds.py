@@ -61,6 +61,7 @@ PARSED: list[tuple[Kind, str, Any]] = [
     (ANGLE, "-90", -90),
     (MILLIMETRES, "unknown", None),
     (BARRIERS, "0xA5C3", Barriers(0xA5C3)),
+    (BARRIERS, "fire-1=forced", Barriers.of({1: Passage.FORCED})),
     (BARRIERS, "fire-1:forced,pool 2:normal", Barriers.of({1: Passage.FORCED, 8: Passage.NORMAL})),
     (BARRIERS, "fire-3", Barriers.of({3: Passage.NORMAL})),
 ]
