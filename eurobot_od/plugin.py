@@ -153,6 +153,13 @@ NOTHING = Plugin()
 """A plug-in without anything."""
 
 
+def _owner(kind: type[Node]) -> str:
+    """Return in words the nodes that can have the faults of a class."""
+    from eurobot_od.device.profiles import SimulatedDrive
+
+    return "drives of CiA 402" if kind is SimulatedDrive else f"the {kind.__name__.removeprefix('Simulated').lower()}"
+
+
 class Plugins(NamedTuple):
     """The plug-ins that a command uses: the `robot`, NOTHING without one, and the device `packages`."""
 
@@ -214,11 +221,25 @@ class Plugins(NamedTuple):
         make = self.robot.nodes[role] if role else self.package_of(device).device
         kind: type[Node] = (make() if make else None) or otherwise or SimulatedDevice
         for name in faults:
-            able, fault = self.find_fault(name)
             # Faults of other nodes are ignored, as `check --fault` gives all nodes the same ones.
-            is_meant = issubclass(kind, able) and name.rpartition(".")[0] in ("", role)
-            kind = fault.given_to(kind) if is_meant else kind
+            kind = self.find_fault(name)[1].given_to(kind) if self._can_have(kind, role, name) else kind
         return kind
+
+    def _can_have(self, kind: type[Node], role: str, fault: str) -> bool:
+        """Return whether nodes of a class, in a robot's role, can have a fault; raises as `find_fault`."""
+        return issubclass(kind, self.find_fault(fault)[0]) and fault.rpartition(".")[0] in ("", role)
+
+    def check_faults(self, devices: Iterable[Dictionary], faults: Iterable[str], profile: int = 0) -> None:
+        """Check that each fault is one that a simulated device can have; raises UnknownName, LocalError."""
+        simulated = self._simulated(devices, (), profile)
+        names = ", ".join(dict.fromkeys(each.name for each, _ in simulated))
+        for name in faults:
+            if not any(self._can_have(kind, self.robot.role_of(each), name) for each, kind in simulated):
+                whose = name.rpartition(".")[0] or _owner(self.find_fault(name)[0])
+                raise LocalError(
+                    f"--fault {name}: no device under test can have it ({names}): it is one of {whose}; "
+                    "`faults` lists those of any device"
+                )
 
     def all_faults(self) -> Faults:
         """Return the faults of the plug-ins' nodes, and those of any device."""
@@ -257,8 +278,7 @@ class Plugins(NamedTuple):
         owner, fault = self.find_fault(name)
         if not issubclass(kind, owner):
             node = "other devices" if issubclass(kind, SimulatedDevice) else f"the {kind.__name__.lower()}"
-            whose = owner.__name__.removeprefix("Simulated").lower()
-            raise LocalError(f"the fault {name} is one of the {whose}, not of {node}")
+            raise LocalError(f"the fault {name} is one of {_owner(owner)}, not of {node}")
         return fault.given_to(kind)
 
     # Checks
@@ -301,17 +321,23 @@ class Plugins(NamedTuple):
         With a `profile`, devices that are not the robot's behave by it, even if a package has a class for them.
         """
         from eurobot_od.check.on_bus import NodeUnderTest
-        from eurobot_od.device.profiles import simulated_kind
 
-        counting = Plugins(self.robot) if profile else self
-        kinds = {
-            name: counting.kind(each, faults, simulated_kind(each, profile)) for name, each in dictionaries.items()
-        }
+        simulated = self._simulated(dictionaries.values(), faults, profile)
+        kinds = dict(zip(dictionaries, (kind for _, kind in simulated)))
         stores = {name: self.robot.stored(each) for name, each in dictionaries.items() if self.robot.role_of(each)}
         nodes = {name: kind(dictionaries[name], store=stores.get(name)) for name, kind in kinds.items()}
         ours = [nodes[name] for name, each in dictionaries.items() if self.robot.role_of(each)]
         programs = self.robot.partners(ours, seed, clock) if ours else {}
         return [NodeUnderTest(node, programs.get(node.name)) for node in nodes.values()]
+
+    def _simulated(
+        self, devices: Iterable[Dictionary], faults: Iterable[str], profile: int
+    ) -> list[tuple[Dictionary, type[Node]]]:
+        """Return the class of each simulated device, as in `under_test`."""
+        from eurobot_od.device.profiles import simulated_kind
+
+        counting = Plugins(self.robot) if profile else self
+        return [(each, counting.kind(each, faults, simulated_kind(each, profile))) for each in devices]
 
     def simulate(
         self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1, profile: int = 0

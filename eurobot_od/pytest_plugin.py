@@ -12,9 +12,10 @@ runs all its steps; each step is a test, which reports how that step ended.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import cached_property, partial
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,15 @@ if TYPE_CHECKING:
 PATTERNS = ("*.check.yaml", "*.check.yml")
 """Patterns for the names of suite files."""
 
+KEYS = ("eurobot_suites", "eurobot_network")
+"""Keys of pytest's configuration file."""
+
+
+FOR_THE_ROBOT = (
+    "\nwithout a network, suites are for the robot; for other devices, name their network: "
+    "eurobot_network in pytest's configuration file, or eurobot-od.yaml beside it"
+)
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options for the bus, and for suite files."""
@@ -41,21 +51,41 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--eurobot-interface", help="python-can interface of the devices to test; default: simulated ones")
     group.addoption("--eurobot-channel", help="channel of the interface, such as can0")
     group.addoption("--eurobot-bitrate", type=int, help="bit/s")
-    parser.addini("eurobot_suites", "patterns of check suites besides *.check.yaml", "args", default=[])
-    parser.addini(
-        "eurobot_network", "network file or folder of EDS files of suites; default: eurobot-od.yaml, or the robot's"
-    )
+    suites, network = KEYS
+    parser.addini(suites, "patterns of check suites besides *.check.yaml", "args", default=[])
+    parser.addini(network, "network file or folder of EDS files of suites; default: eurobot-od.yaml, or the robot's")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Check the options and keys together; raises UsageError for what would have no effect."""
+    for option in ("channel", "bitrate"):
+        if config.getoption(f"eurobot_{option}") and not config.getoption("eurobot_interface"):
+            raise pytest.UsageError(f"--eurobot-{option} needs --eurobot-interface: without it the nodes are simulated")
+    for key in _keys(config):
+        if key.startswith("eurobot_") and key not in KEYS:
+            from eurobot_od.errors import UnknownName
+
+            raise pytest.UsageError(f"{config.inipath or '-o'}: {UnknownName('key', key, KEYS)}")
+
+
+def _keys(config: pytest.Config) -> list[str]:
+    """Return the keys of pytest's configuration file; none if this pytest does not tell them."""
+    with warnings.catch_warnings():  # there is no other way to find a misspelt one
+        warnings.simplefilter("ignore")
+        return [*getattr(config, "inicfg", ())]
 
 
 # Suites as tests
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect a suite file."""
-    patterns = (*PATTERNS, *parent.config.getini("eurobot_suites"))
-    if any(file_path.match(each) for each in patterns):
-        return SuiteFile.from_parent(parent, path=file_path)
-    return None
+    """Collect a suite file; patterns with a folder count from pytest's root folder."""
+    config = parent.config
+    root = escape(str(config.rootpath))
+    own = (f"{root}/{each}" if "/" in each else each for each in config.getini("eurobot_suites"))
+    is_suite = any(file_path.match(each) for each in (*PATTERNS, *own))
+    # A pattern such as *.yaml may match the network file, too.
+    return SuiteFile.from_parent(parent, path=file_path) if is_suite and file_path != _network_path(config) else None
 
 
 class SuiteFile(pytest.File):
@@ -67,7 +97,8 @@ class SuiteFile(pytest.File):
         try:
             suites = _read(self.config, self.path)
         except (FileError, LocalError) as error:
-            raise self.CollectError(str(error)) from None
+            hint = "" if _network(self.config)[1] else FOR_THE_ROBOT
+            raise self.CollectError(f"{error}{hint}") from None
         for suite in suites:
             yield SuiteTests.from_parent(self, name=suite.name, suite=suite)
 
@@ -149,12 +180,16 @@ def _fail(steps: Iterable[StepResult]) -> None:
 
 def _network(config: pytest.Config) -> tuple[Path, bool]:
     """Return the network file or folder of the ini file, otherwise of the root folder, and whether it has devices."""
-    from eurobot_od.od import DEFAULT
     from eurobot_od.od.network import read_network
 
-    named = config.getini("eurobot_network")
-    path = config.rootpath / (named or DEFAULT)
-    return path, bool(named or (path.is_file() and read_network(path).nodes))
+    path = _network_path(config)
+    return path, bool(config.getini("eurobot_network") or (path.is_file() and read_network(path).nodes))
+
+
+def _network_path(config: pytest.Config) -> Path:
+    from eurobot_od.od import DEFAULT
+
+    return config.rootpath / (config.getini("eurobot_network") or DEFAULT)
 
 
 def _plugins(config: pytest.Config) -> Plugins:
@@ -207,6 +242,14 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
     return result
 
 
+def _check_faults(config: pytest.Config, suites: Iterable[Suite], faults: Sequence[str]) -> None:
+    """Check that a node under test can have each fault; skips on a bus. Raises UnknownName, LocalError."""
+    if faults and config.getoption("eurobot_interface"):
+        pytest.skip("a fault is given to simulated nodes, not to those on a bus")
+    devices = {name: each.dictionaries[name] for each in suites for name in each.nodes}
+    _plugins(config).check_faults(devices.values(), faults)
+
+
 def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
     """Open the bus of the options, otherwise one inside the process; raises BusError."""
     from eurobot_od.bus.live import open_bus
@@ -228,13 +271,15 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
     whose random numbers come from `seed`.
     """
 
-    def check(file: str, faults: Iterable[str] = (), seed: int = 1) -> list[SuiteResult]:
+    def check(file: str, faults: Sequence[str] = (), seed: int = 1) -> list[SuiteResult]:
         from eurobot_od.errors import FileError, LocalError
 
         beside = request.path.with_name(file)
         try:
             path = beside if beside.is_file() else _plugins(request.config).suite(file)
-            results = [_run(request.config, suite, faults, seed) for suite in _read(request.config, path)]
+            suites = _read(request.config, path)
+            _check_faults(request.config, suites, faults)
+            results = [_run(request.config, suite, faults, seed) for suite in suites]
         except (FileError, LocalError) as error:
             pytest.fail(str(error), pytrace=False)
         _fail(step for result in results for step in result.steps)

@@ -97,3 +97,48 @@ def test_the_fixture_of_the_page_runs_with_the_file_beside_it(pytester: pytest.P
     shutil.copy(MOTOR, pytester.path)
     pytester.makepyfile(shown)
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+
+
+WRONG = {
+    "a channel without its interface": (
+        "",
+        ["--eurobot-channel", "can0"],
+        "--eurobot-channel needs --eurobot-interface",
+    ),
+    "a bit rate without its interface": ("", ["--eurobot-bitrate", "500000"], "--eurobot-bitrate needs --eurobot-int"),
+    "a misspelt key": ("eurobot_suite = bench/*.yaml", [], "unknown key 'eurobot_suite'; did you mean eurobot_suites?"),
+}
+
+
+@pytest.mark.parametrize(("ini", "words", "said"), WRONG.values(), ids=WRONG)
+def test_a_setting_that_cannot_count_ends_the_run(
+    ini: str, words: list[str], said: str, pytester: pytest.Pytester
+) -> None:
+    pytester.makeini(f"[pytest]\n{ini}\n")
+    result = pytester.runpytest_inprocess(*PLUGIN, *words)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"*{said}*"])
+
+
+SUITE = "spec: 1\nname: motor\nnode: motor\nsteps:\n  - sdo: {read: 0x1000}\n"
+
+
+def test_a_pattern_of_suites_counts_from_the_folder_of_pytest(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = pytester.mkdir("bench")
+    shutil.copy(MOTOR, bench)
+    (bench / "bench").mkdir()
+    (bench / "bench" / "own.yaml").write_text(SUITE)
+    (bench / "network.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    (bench / "pytest.ini").write_text(
+        "[pytest]\neurobot_suites = bench/*.yaml *.yaml\neurobot_network = network.yaml\n"
+    )
+    monkeypatch.chdir(bench)
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+
+
+def test_a_suite_for_devices_that_nothing_names_says_how_to_name_them(pytester: pytest.Pytester) -> None:
+    pytester.path.joinpath("own.check.yaml").write_text(SUITE)
+    result = pytester.runpytest_inprocess(*PLUGIN)
+    result.stdout.fnmatch_lines(["*unknown node 'motor'; *", "*for other devices, name*: eurobot_network*"])

@@ -23,7 +23,7 @@ def blocks(results: Sequence[SuiteResult], facts: RunFacts) -> Iterator[DocBlock
     """Yield the page of a run of any suites."""
     names = ", ".join(dict.fromkeys(each.dictionary.name for each in facts.devices))
     yield DocHeading(1, f"Check of {names}" if names else "Check")
-    yield from opening(results, facts.rows, facts.doubts)
+    yield from opening(results, facts, facts.rows)
     if facts.devices:
         yield DocHeading(2, "Who is who")
         is_asked = any(each.shown for each in facts.devices)
@@ -56,24 +56,26 @@ def _row(step: StepResult) -> tuple[str, ...]:
 
 def opening(
     results: Sequence[SuiteResult],
+    facts: RunFacts,
     rows: Sequence[tuple[str, str]],
-    doubts: Sequence[str],
     notes: Iterable[str] = (),
 ) -> Iterator[DocBlock]:
-    """Yield what stands under the title: doubts about the devices, the verdict, notes, and the facts."""
-    yield from map(Paragraph, doubts)
-    yield Paragraph(f"{verdict(results)} {report.summary(results)}.")
+    """Yield what stands under the title: doubts about the devices, the verdict, notes, and the `rows` of facts."""
+    yield from map(Paragraph, facts.doubts)
+    yield Paragraph(f"{verdict(results, facts)} {report.summary(results, facts)}.")
     for noted in (report.changed(results), report.remarks(results), notes, report.not_run(results)):
         yield from map(Paragraph, noted)
     yield DocTable(("", ""), rows)
 
 
-def verdict(results: Sequence[SuiteResult]) -> str:
+def verdict(results: Sequence[SuiteResult], facts: RunFacts) -> str:
     """Return in one sentence how a run has ended."""
     if any(result.error or result.count(Status.INTERRUPTED) for result in results):
         return "NOT FINISHED."
     is_red = any(result.failed for result in results) or report.checked_nothing(results)
-    return "FAILED." if is_red else "Passed."
+    if is_red:
+        return "FAILED."
+    return "Green as far as the file is read." if facts.left_out else "Passed."
 
 
 def suites_table(title: str, results: Sequence[SuiteResult]) -> DocTable:

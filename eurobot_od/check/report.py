@@ -14,6 +14,7 @@ from eurobot_od.check.suite import Mismatch, Suite
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
+from eurobot_od.od.normal import Refusal
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.support.yaml_places import Place
 
@@ -149,6 +150,12 @@ class RunFacts(NamedTuple):
         return [each.doubt for each in self.devices if each.doubt]
 
     @property
+    def left_out(self) -> dict[Path, Sequence[Refusal]]:
+        """What is left out of the devices' files, by file."""
+        found = {each.dictionary.file: each.dictionary.normal.refusals for each in self.devices}
+        return {file: refusals for file, refusals in found.items() if refusals}
+
+    @property
     def properties(self) -> Iterator[tuple[str, str]]:
         """The properties of a JUnit report."""
         yield from (("program", self.made_by), ("bus", self.bus))
@@ -227,14 +234,23 @@ def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
                 yield from reason_lines(step.reason) if step.reason else ()
 
 
-def summary(results: Sequence[SuiteResult]) -> str:
+def summary(results: Sequence[SuiteResult], facts: RunFacts = UNTOLD) -> str:
     """Return the last line of the output, with the number of steps by status."""
     steps = counted(Counter(step.status for result in results for step in result.steps))
     seconds = sum(result.seconds for result in results)
     asked_again = sum(result.asked_again for result in results)
     again = f"; {amount(asked_again, 'SDO request')} asked again, as no answer came" if asked_again else ""
     nothing = "; NOTHING WAS CHECKED" if checked_nothing(results) else ""
-    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time{again}{nothing}"
+    parts = "".join(f"; NOT COMPLETE: {each}" for each in not_whole(facts))
+    done = f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+    return f"{done}{again}{nothing}{parts}"
+
+
+def not_whole(facts: RunFacts) -> Iterator[str]:
+    """Yield a sentence for each device's file that is not read whole, so that the device is not checked whole."""
+    for file, lost in facts.left_out.items():
+        are = "is" if len(lost) == 1 else "are"
+        yield f"{amount(len(lost), 'object')} of {file.name} {are} left out"
 
 
 def checked_nothing(results: Sequence[SuiteResult]) -> bool:
@@ -306,6 +322,7 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
 def junit(results: Sequence[SuiteResult], facts: RunFacts = UNTOLD) -> str:
     """Return a JUnit XML report: a test suite per suite, a test case per step."""
     began = {"timestamp": facts.began} if facts.began else {}
+    results = [*results, *_of_files(facts)]
     root = ElementTree.Element("testsuites", _totals(results) | began)
     for result in results:
         suite = ElementTree.SubElement(root, "testsuite", {"name": result.name} | _totals([result]) | began)
@@ -322,6 +339,14 @@ def junit(results: Sequence[SuiteResult], facts: RunFacts = UNTOLD) -> str:
         each.attrib.update({key: one_line(value) for key, value in each.attrib.items()})
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _of_files(facts: RunFacts) -> Iterator[SuiteResult]:
+    """Yield a suite with one red step for each device's file that is not read whole."""
+    for said, (file, lost) in zip(not_whole(facts), facts.left_out.items()):
+        why = StepReason("; ".join((said, *map(str, lost))))
+        step = StepResult(SuitePart.STEPS, "it is read whole", Place(lost[0].line, 1), Status.FAILED, 0.0, 0.0, why)
+        yield SuiteResult(file, f"the file {file.name}", facts.bus, (step,))
 
 
 def _as_one_case(result: SuiteResult) -> tuple[str, dict[str, str]] | None:

@@ -143,6 +143,17 @@ def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     return Shape(read)
 
 
+def _with_0x(digits: int, shape: Shape[T]) -> Shape[T]:
+    """Return a shape of a code that also refuses as many hexadecimal digits without `0x`: it would be decimal."""
+
+    def read(node: yaml.Node, problems: Problems) -> T:
+        if isinstance(node, yaml.ScalarNode) and re.fullmatch(rf"[0-9A-Fa-f]{{{digits}}}", node.value):
+            refuse(node, problems, f"{node.value!r} is hexadecimal; did you mean 0x{node.value}?")
+        return shape.read(node, problems)
+
+    return Shape(read)
+
+
 TRANSFERS = {each.value: each for each in (suite.Blocks.PLAIN, suite.Blocks.WITHOUT_CRC)}
 
 
@@ -156,7 +167,8 @@ def _abort_code(text: str) -> int:
     return int(text, 16)
 
 
-ABORTS = _or_any(converted(shapes.one_or_more(converted(SCALAR, _abort_code)), suite.AbortCodes), suite.AbortCodes(()))
+_ABORT = _with_0x(8, converted(SCALAR, _abort_code))
+ABORTS = _or_any(converted(shapes.one_or_more(_ABORT), suite.AbortCodes), suite.AbortCodes(()))
 
 
 class ServiceShapes:
@@ -166,7 +178,8 @@ class ServiceShapes:
         self._words = words
         self.node_key = Key(shapes.named(words.dictionaries, "node"))
         self.nodes = len(words.nodes)
-        number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
+        code_range = Within(0, 0xFFFF)  # (CiA 301, 7.2.7)
+        number: Shape[Any] = _with_0x(4, shapes.within(NUMBER, code_range, "error code"))
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         self.heartbeat: Shape[suite.Pattern] = self.service("state", state, self._heartbeat)

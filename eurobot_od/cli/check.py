@@ -17,7 +17,7 @@ from eurobot_od.check.report import CheckedDevice, RunFacts, StepResult, SuiteRe
 from eurobot_od.check.runs import above, chosen, listed, results_of, run_options
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, complain, version
-from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
+from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.options import BusOptions, Faults, FrameNames, Json, Output, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, RemoteError
@@ -120,7 +120,7 @@ class CheckReport:
             if made.is_wanted:
                 lines_of[2:] = [report.slowest, report.not_run, report.failures, report.places, report.further]
             sys.stdout.writelines(f"{line}\n" for each in lines_of for line in each(results))
-            print(report.summary(results))
+            print(report.summary(results, facts))
         self._write(results, facts, made)
 
     def _write(self, results: Sequence[SuiteResult], facts: RunFacts, made: Made | None) -> None:
@@ -160,8 +160,6 @@ def check(
     facts = RunFacts(version(), began, "simulated" if checks.simulate else checks.bus.words)
     if not (list or output):
         report.begin(facts)
-    for name in checks.fault:
-        checks.devices.plugins.find_fault(name)  # raises for an unknown name before the first suite
     if checks.made.is_wanted and not (checks.simulate or list or output):
         checks = replace(checks, devices=checks.devices.found_on(checks.bus))
     with left_out() as refused:
@@ -173,6 +171,7 @@ def check(
     if list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
+    checks.check_faults(suites)
     beyond = above(suites, checks.level) if checks.level else []
     if not checks.simulate:
         checks.bus.check_named()
@@ -192,7 +191,7 @@ def check(
         return ExitStatus.TROUBLE
     if any(result.failed for result in results) or checked_nothing(results):
         return ExitStatus.FOUND
-    return completeness(each for suite in suites for each in suite.dictionaries.values())
+    return ExitStatus.FOUND if facts.left_out else ExitStatus.FINE
 
 
 def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
@@ -369,6 +368,12 @@ class Checks:
         for doubt in filter(None, [absent, *(each.doubt for each in found if each.shown)]):
             complain(doubt)
         return found
+
+    def check_faults(self, suites: Iterable[Suite]) -> None:
+        """Check that each fault is one that a device under test can have; raises UnknownName, LocalError."""
+        run = [each for each in suites if not self.skips(each)]
+        devices = {name: each.dictionaries[name] for each in run for name in each.nodes}
+        self.devices.plugins.check_faults(devices.values(), self.fault if run else (), self.made.profile or 0)
 
     def _identity(self, dictionaries: Iterable[Dictionary]) -> Identity | None:
         """Return the identity of the first node that answers, None if none does."""

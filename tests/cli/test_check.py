@@ -93,6 +93,11 @@ REFUSALS = {
     ),
     "no step": ("green.yaml --simulate --step xyz", 2, "eurobot-od: no step is named like xyz"),
     "no fault": ("green.yaml --simulate --fault x", 2, "eurobot-od: unknown fault 'x'"),
+    "fault of other devices": (
+        "green.yaml --simulate --fault overcurrent",
+        2,
+        "eurobot-od: --fault overcurrent: no device under test can have it (lift): it is one of drives of CiA 402; ",
+    ),
     "a bus for simulated nodes": ("green.yaml --simulate -i virtual", 2, "eurobot-od: --simulate is without a bus"),
     "fault of a real node": ("green.yaml --fault x", 2, "eurobot-od: --fault needs --simulate"),
     "no dialect": ("green.yaml --simulate --dialect latin", 2, "eurobot-od: unknown dialect 'latin'"),
@@ -190,6 +195,21 @@ def test_reports_have_the_identity_that_the_device_has_shown(capsys: pytest.Capt
         text = Path(file).read_text()
         assert "0x00000000:0x00000007:0x00010000:0x00000001" in text
         assert "motor.eds is for another device: node 5 has product code 0x7, not 0x5" in text
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_file_that_is_not_read_whole_is_said_wherever_the_result_is(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("odd.eds").write_text((DOCS / "motor.eds").read_text() + "\n[2300]\nParameterName=Odd\n")
+    Path("own.yaml").write_text("spec: 1\nname: own\nnode: odd\nsteps:\n  - sdo: {read: 0x1000}\n")
+    words = "own.yaml --eds 5=odd.eds --simulate --report own.md --junit own.xml"
+    said = run(capsys, "check", *words.split())
+    why = "NOT COMPLETE: 1 object of odd.eds is left out"
+    assert (said.status, said.out.splitlines()[-1].partition("; ")[2]) == (1, why)
+    page = Path("own.md").read_text()
+    assert ("Passed." not in page, why in page) == (True, True)
+    suites = [(each.name, each.tests, each.failures) for each in JUnitXml.fromfile("own.xml")]
+    assert suites == [("own", 1, 0), ("the file odd.eds", 1, 1)]
+    assert "0x2300" in Path("own.xml").read_text()
 
 
 @pytest.mark.parametrize(

@@ -431,6 +431,12 @@ STEPS = {
         "  - nmt: restart\n",
         "5:10: unknown NMT command 'restart'; did you mean start?",
     ),
+    "an error code without 0x": ("  - emcy: 8130\n", "5:11: '8130' is hexadecimal; did you mean 0x8130?"),
+    "... of a node": ("  - emcy: {code: FF00}\n", "5:18: 'FF00' is hexadecimal; did you mean 0xFF00?"),
+    "an abort code without 0x": (
+        "  - sdo: {read: 0x5000, abort: 06020000}\n",
+        "5:32: '06020000' is hexadecimal; did you mean 0x06020000?",
+    ),
     "a span forgotten": ("  - never: Move Confirm\n", "5:5: key 'for' is missing: how long none may come"),
     "a period forgotten": (
         "  - poll: {send: Move State Request}\n    until: {Move State Response: {time: 0}}\n",

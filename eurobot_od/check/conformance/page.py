@@ -260,8 +260,8 @@ class DeviceRun(NamedTuple):
 def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Yield the report of a device."""
     yield DocHeading(1, f"Conformance of {run.device.dictionary.name}")
-    doubts = [run.device.doubt] if run.device.doubt else []
-    yield from page.opening(run.results, run.facts, doubts, report.slowest(run.results))
+    facts = run.run._replace(devices=[run.device])
+    yield from page.opening(run.results, facts, run.facts, report.slowest(run.results))
     yield DocHeading(2, "Score by chapter")
     yield page.suites_table("Chapter", run.results)
     yield from page.failed(run.results)

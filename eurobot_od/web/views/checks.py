@@ -139,7 +139,7 @@ class _Check:
         results = [*results_of(how, self._suites, [1], interrupt, self)]
         doubts = [each.doubt for each in self._devices if each.doubt]
         notes = [*doubts, *report.changed(results), *report.remarks(results), *report.not_run(results)]
-        return {"summary": report.summary(results), "notes": notes} | self._kept(results)
+        return {"summary": report.summary(results, self._facts), "notes": notes} | self._kept(results)
 
     # What hears of the run (`runs.RunListener`)
 
@@ -159,13 +159,17 @@ class _Check:
 
     # Reports
 
+    @property
+    def _facts(self) -> RunFacts:
+        return RunFacts(self._desk.equipment.made_by, self._began, self._desk.equipment.bus, self._devices)
+
     def _kept(self, results: Sequence[SuiteResult]) -> dict[str, Any]:
         """Write the reports, and return their names, and what has changed since the last run of the same suites."""
         what = "suites" if self._made is None else f"cia{self._made.profile or 301}"
         stem = f"{self._device.name}-{what}"
         now = datetime.datetime.now()
         data = report.as_data(results)
-        facts = RunFacts(self._desk.equipment.made_by, self._began, self._desk.equipment.bus, self._devices)
+        facts = self._facts
         before = sorted(self._desk.reports.glob(f"{stem}-*.json"))
         changes = compared(json.loads(before[-1].read_text("utf-8")), data) if before else []
         texts = {"json": json.dumps(data, indent=1), "xml": report.junit(results, facts)}
