@@ -167,8 +167,39 @@ def share(port: int) -> str:
         other = f"; share at another port, or join the bus there by -i remote -c {channel}"
         taken = other if error.errno == errno.EADDRINUSE else ""
         raise BusError(f"cannot share a bus at port {port} of this machine: {_one_line(error)}{taken}") from error
+    accept = server.get_request
+
+    def accept_departing() -> tuple[DepartingClient, object]:
+        client, address = accept()
+        return DepartingClient(client), address
+
+    server.get_request = accept_departing
     threading.Thread(target=server.serve_forever, name=channel, daemon=True).start()
     return channel
+
+
+class DepartingClient:
+    """The socket of a client that may have gone: what is sent to it then is lost without an error.
+
+    The server notices at its next reading. An error while it sends would be a traceback, and leave the client's bus
+    open.
+    """
+
+    def __init__(self, client: socket.socket) -> None:
+        self._client = client
+
+    def sendall(self, data: bytes) -> None:
+        """Send all bytes."""
+        with suppress(OSError):
+            self._client.sendall(data)
+
+    def shutdown(self, how: int) -> None:
+        """End the connection."""
+        with suppress(OSError):
+            self._client.shutdown(how)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._client, name)
 
 
 def _with_remedy(error: BaseException, helps: str) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import json
 import logging
 import socket
+import struct
 import sys
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -15,7 +17,7 @@ import can
 import pytest
 from can.interfaces import BACKENDS
 from can.interfaces.socketcan import SocketcanBus
-from can.interfaces.virtual import VirtualBus
+from can.interfaces.virtual import VirtualBus, channels
 
 from eurobot_od.bus.live import Driver, open_bus, share
 from eurobot_od.bus.live.buses import Connection, Gaps
@@ -23,6 +25,7 @@ from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.support import connections
 from eurobot_od.support.connections import STEADY
+from tests.bus.live.loose import until
 from tests.processes import free_port
 
 FRAME = Frame(0x123, b"\1\2")
@@ -207,6 +210,23 @@ def test_a_shared_bus_that_nobody_shares_says_what_shares_one() -> None:
     pytest.importorskip("can_remote", reason="the extra `remote` is not installed")
     with pytest.raises(BusError, match="nobody shares a bus there: `node NODE --share PORT` does"):
         open_bus("remote", f"ws://127.0.0.1:{free_port()}/")
+
+
+def test_a_client_that_is_killed_leaves_neither_an_error_nor_its_bus() -> None:
+    websocket = pytest.importorskip("can_remote.websocket", reason="the extra `remote` is not installed")
+    channel = share(free_port())
+    peer = websocket.WebSocket(channel, ["can.json.v1"])
+    peer.send(json.dumps({"type": "bus_request", "payload": {"config": {}}}))
+    peer.read()
+    peer.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # as the kernel ends it
+    peer.socket.close()
+    with open_bus("virtual", channel) as bus:
+
+        def is_alone() -> bool:
+            bus.send(can.Message(arbitration_id=0x185))
+            return len(channels[channel]) == 1
+
+        until(is_alone)
 
 
 def test_a_configured_bus_that_does_not_open_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
