@@ -280,7 +280,9 @@ class Kind:
     def allowed(self, limits: Limits) -> str:
         """Describe the allowed values."""
         step = abs(self.scale.factor)
-        ends = "..".join(digits(each) for each in sorted(map(self.scale.physical, self.measured(limits))))
+        low, high = self.measured(limits)
+        high = next((each for each in range(high, low, -1) if each not in self._words), high)  # those have names
+        ends = "..".join(digits(each) for each in sorted(map(self.scale.physical, (low, high))))
         steps = "" if step == 1 else f"in steps of {digits(step)}"
         return ", ".join([" ".join(filter(None, (ends, self.unit, steps))), *self._allowed_codes()])
 
