@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.od.meanings import ObjectMeaning
 from eurobot_od.od.values import REAL32, Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity, Real
 
@@ -148,7 +147,7 @@ ALLOWED = [
     (SPARE, Limits(0, 2), "0..2"),
     (DISTANCE, SIGNED, "0..1500 mm, nothing (2047), too near (-1)"),
     (TENTHS, SIGNED, "-20..150 mm in steps of 0.1, nothing (2047)"),
-    (Kind().of(ObjectMeaning(codes={"unknown": 3})), Limits(0, 3), "0..2, unknown (3)"),  # which limits include
+    (Kind(codes=Sight), Limits(0, 0x7FF), "0..2046, nothing (2047)"),  # which the limits include
     (DOUBLES, Limits(-5, 5), "-10..10 in steps of 2"),
     (COLOUR, Limits(0, 1), "yellow (0), red (1)"),
 ]
