@@ -114,6 +114,9 @@ class ExitStatus(IntEnum):
     INTERRUPTED = 130
 
 
+FROM_FILES = ("field", "message", "node")
+"""Kinds of names that the devices' files bring."""
+
 STATUS_OF = {
     errors.WorldError: ExitStatus.TROUBLE,
     errors.ProgramFailed: ExitStatus.FOUND,
@@ -146,8 +149,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # the file first, as in our own errors
-        complain("; ".join([what, *getattr(error, "__notes__", ())]))
+        complain("; ".join([f"{what}{_advice(error)}", *getattr(error, "__notes__", ())]))
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
+
+
+def _advice(error: Exception) -> str:
+    """Return what to do about an error that a lower layer cannot know; empty if nothing."""
+    if isinstance(error, errors.UnknownName) and not error.known and error.kind in FROM_FILES:
+        return "; names come from the devices' files: --eds or --network"
+    if isinstance(error, errors.DictionaryError) and error.what.startswith("not an EDS"):
+        return log_instead(error.file)
+    return ""
+
+
+def log_instead(file: str) -> str:
+    """Return what to do with a file that is a log and no EDS; empty if it is neither."""
+    from eurobot_od.traffic.formats import is_log  # here, as most commands read no log
+
+    return "; it is a log: decode shows it, diagnose judges it" if is_log(file) else ""
 
 
 def expanded(words: Sequence[str]) -> list[str]:
@@ -311,6 +330,17 @@ OTHERWISE_CALLED = {
     **dict.fromkeys(("convert", "transcode"), "monitor LOG --speed max --log FILE"),
     **dict.fromkeys(("validate", "verify"), "lint FILE, or check for a device"),
     **dict.fromkeys(("simulate", "slave"), "node"),
+    **dict.fromkeys(("test", "run", "suites"), "check"),
+    **dict.fromkeys(("statistics", "stats"), "decode --statistics"),
+    **{each: f"drive NODE {each}" for each in ("enable", "disable", "home", "move", "jog")},
+    **{each: f"export {each}" for each in ("canopennode", "cdcf", "dbc", "dcf", "docs", "mcap", "wireshark", "xdd")},
+    "conformance": "check --conformance",
+    "profile": "check --profile 401, or 402",
+    "suite": "check FILE, or export suite for one of a log",
+    "junit": "check --junit FILE",
+    "report": "check --report FILE, or diagnose --report FILE",
+    "fix": "lint --fix FILE",
+    "map": "pdo NODE map",
     "cansend": "send",
     "upload": "read",
     "download": "write",
@@ -319,7 +349,7 @@ OTHERWISE_CALLED = {
     "heartbeat": "watch NODE, or write NODE 0x1017 MS for its period",
     "help": "COMMAND --help",
 }
-"""Commands of other programs, with ours."""
+"""Commands of other programs, and words of ours that are no commands, with what is meant."""
 
 
 def find(command: str, robot: str | None = None) -> Command:

@@ -24,7 +24,17 @@ from eurobot_od.cli.devices import (
     Target,
     hexadecimal_node_id,
 )
-from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, give, span
+from eurobot_od.cli.options import (
+    LONG_PERIOD,
+    BusOptions,
+    Json,
+    NoReconnect,
+    Seconds,
+    Wait,
+    check_node_id,
+    give,
+    span_below,
+)
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
 from eurobot_od.client.description import Found, addressed, check_free
@@ -47,7 +57,7 @@ from eurobot_od.support.progress import Unit, bar
 from eurobot_od.support.texts import columns, one_line
 
 
-def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> ExitStatus:
+def scan(access: Access, *, listen: Wait = 1.5, as_json: Json = False) -> ExitStatus:
     """List the CANopen nodes of a bus: which answer, in which state, what they are.
 
     With a library also which of its files fits each of them. With --network or --eds also what they are called there,
@@ -229,8 +239,8 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
 def watch(
     nodes: Annotated[Sequence[str], Option(metavar="NODE", suggest=lambda plugins: plugins.robot.nodes)] = (),
     *,
-    within: Seconds = 2.0,
-    guard: Seconds | None = None,
+    within: Wait = 2.0,
+    guard: Wait | None = None,
     span: Annotated[Seconds, Option("--for")] = inf,
     as_json: Json = False,
     no_reconnect: NoReconnect = False,
@@ -309,17 +319,11 @@ def event_as_json(event: NodeEvent, name: str = "") -> str:
 # Periodic messages of a master
 
 
-LONG_PERIOD = 10.0
-"""Minimum period, in s, that needs its unit: a shorter one is hardly meant in ms."""
-
-
 def _period(text: str) -> float:
     """Parse the period of messages, in s; raises LocalError."""
-    seconds = span(text)
+    seconds = span_below(LONG_PERIOD)(text)
     if not seconds:  # it would fill the bus
         raise LocalError("the period must be longer than 0")
-    if text.isdecimal() and seconds >= LONG_PERIOD:
-        raise LocalError(f"{text} without a unit would be {text} s; write {text}ms, or {text}s")
     return seconds
 
 
@@ -412,7 +416,7 @@ class Settings:
     node_id: Annotated[int | None, Option(metavar="N")] = None
     bit_rate: Annotated[int | None, Option(metavar="KBIT/S")] = None
     store: bool = False
-    activate: Seconds | None = None
+    activate: Wait | None = None
 
 
 def lss(
@@ -423,7 +427,7 @@ def lss(
     ] = None,
     alone: Annotated[bool, Option(either="device")] = False,
     settings: Settings,
-    timeout: Seconds = 0.1,
+    timeout: Wait = 0.1,
     library: LibraryFolders = (),
     package: PackagePaths = (),
     bus: BusOptions,

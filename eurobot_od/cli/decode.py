@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import stat
 import sys
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import inf
@@ -22,13 +23,14 @@ from eurobot_od.cli.options import (
     BusOptions,
     FrameNames,
     Json,
-    Seconds,
+    Moment,
+    Wait,
     assigned,
     positive,
     whole,
 )
-from eurobot_od.cli.signature import HelpGroup, Option
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.cli.signature import HelpGroup, Option, bus_named
+from eurobot_od.errors import FileError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.protocol import Protocol
@@ -60,6 +62,11 @@ class Reading:
 
     format: Format | None = None
     largest: Annotated[int, Option(metavar="BYTES", read=whole(1024, what="a number of bytes"))] = LARGEST
+
+    @property
+    def given(self) -> Mapping[str, bool]:
+        """The options by name, and whether they are given."""
+        return {"format": self.format is not None, "largest": self.largest != LARGEST}
 
 
 def entries(
@@ -100,10 +107,51 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             complain(f"{log}: the file is empty")
 
 
+def check_logs(logs: Iterable[str]) -> None:
+    """Check that all logs are there, before anything is printed of the first; raises FileError."""
+    # Not opened here, as a pipe can be opened once only.
+    for log in logs:
+        if log != STANDARD_INPUT and not (os.path.exists(log) and not os.path.isdir(log)):  # noqa: PTH110, PTH112
+            try:
+                files.opened(log).close()
+            except FileError as error:
+                if advice := _not_a_log(log):
+                    error.add_note(advice)
+                raise
+
+
+CANDUMP_FILTER = re.compile(r"[0-9A-Fa-f]{3,8}[:~][0-9A-Fa-f]{3,8}")
+"""A filter on candump's command line, in place of a log."""
+
+
+def _not_a_log(word: str) -> str:
+    """Return what to write in place of a word that is no log; empty if it is not known what is meant."""
+    if CANDUMP_FILTER.fullmatch(word):
+        identifier = re.split("[:~]", word)[0]
+        return f"a filter is --message, --node or --where; monitor has --filter {identifier}"
+    return bus_named(word) or ""
+
+
+def check_source(
+    logs: Sequence[str], bus: BusOptions, *, of_a_bus: Mapping[str, object], of_a_log: Mapping[str, object]
+) -> None:
+    """Refuse options of a bus where logs are read, and those of logs on a bus, by name and whether they are given.
+
+    The bit rate is also that of the logs. Raises LocalError.
+    """
+    given = next((name for name, is_given in (of_a_bus if logs else of_a_log).items() if is_given), None)
+    if logs and (bus.interface or bus.channel):
+        raise LocalError(f"a log or a bus, not both: leave out -i and -c, or {', '.join(logs)}")
+    if given and logs:
+        raise LocalError(f"--{given} is for a bus: leave it out, or {', '.join(logs)}")
+    if given:
+        raise LocalError(f"--{given} is for a log: name one, or leave it out")
+
+
 def decoder_for(logs: Iterable[str], reading: Reading, devices: Devices, names: FrameNames = NOTHING_NAMED) -> Decoder:
     """Return the decoder for logs, with the library's files for devices whose identity is in the logs.
 
-    Raises as `Devices.decoder`.
+    Raises FileError for a log that is not there, and as `Devices.decoder`.
     """
     shown: dict[int, dict[Address, int]] = {}
     if devices.known_library.entries:
@@ -112,7 +160,9 @@ def decoder_for(logs: Iterable[str], reading: Reading, devices: Devices, names: 
         for log in filter(os.path.isfile, logs):  # a pipe can be read once only
             with opened(log, is_watched=False) as file:
                 shown = shown_in(file, reading.format, reading.largest) | shown
-    return devices.decoder(names, shown)
+    decoder = devices.decoder(names, shown)
+    check_logs(logs)
+    return decoder
 
 
 class Watched(io.RawIOBase):
@@ -171,8 +221,8 @@ def decode(
     as_json: Annotated[Json, Option(either="form")] = False,
     as_csv: Annotated[bool, Option("--csv", either="form")] = False,
     filters: Filters,
-    since: Seconds = 0.0,
-    until: Seconds = inf,
+    since: Moment = 0.0,
+    until: Moment = inf,
     relative: bool = False,
     statistics: bool = False,
     bitrate: BitRate = options.BIT_RATE,
@@ -191,7 +241,7 @@ def decode(
     relative: count the time from a log's first entry
     statistics: print load, gaps, jitter, response times and their bounds instead of lines
     bitrate: bit/s for --statistics (default: 500000)
-    strict: exit status 1 if anything is wrong in the logs
+    strict: exit status 1 if anything is wrong in the logs, or no frame is in one
 
     $ decode run.log --eds 5=motor.eds
     $ decode run.log --statistics
@@ -212,7 +262,9 @@ def decode(
             sys.stdout.writelines(decoding.lines(file, log, reading.format, reading.largest))
     sys.stdout.flush()  # so that the report comes after the lines, even in one file
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
-    return ExitStatus.FOUND if strict and decoding.damage.total else ExitStatus.FINE
+    for log in decoding.silent:
+        complain(f"no frame is in {log}")
+    return ExitStatus.FOUND if strict and (decoding.damage.total or decoding.silent) else ExitStatus.FINE
 
 
 def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Output:
@@ -230,7 +282,7 @@ def compare(
     second: Log,
     *,
     reading: Reading,
-    time: Seconds = 0.001,
+    time: Wait = 0.001,
     tolerance: Annotated[Sequence[tuple[str, str]], assigned("[MESSAGE.]FIELD=NUMBER")] = (),
     as_json: Json = False,
     filters: Filters,
@@ -286,19 +338,26 @@ def tolerances(given: Iterable[tuple[str, str]], protocol: Protocol) -> dict[tup
     """Return the tolerances by message and field; raises UnknownName, LocalError."""
     found: dict[tuple[str, str], float] = {}
     for name, text in given:
+        number = _number(name, text)
         message, _, field = name.rpartition(".")
         bindings = [protocol.binding(message)] if message else protocol.bindings
         having = [each.name for each in bindings if field in each.kinds]
         if not having:
             raise UnknownName("field", name, dict.fromkeys(field for each in bindings for field in each.kinds))
-        try:
-            number = float(text)
-        except ValueError:
-            number = -1.0
-        if not 0 <= number < float("inf"):  # `float` accepts "nan" and "inf"
-            raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
         found |= dict.fromkeys(((each, field) for each in having), number)
     return found
+
+
+def _number(name: str, text: str) -> float:
+    """Parse the tolerance of a field; raises LocalError."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < inf:  # `float` accepts "nan" and "inf"
+        with_unit = "; it is in the unit of the field, and has none itself" if text[:1].isdigit() else ""
+        raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more{with_unit}")
+    return number
 
 
 def replay(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
-from eurobot_od.cli.options import NOTHING_NAMED, BusOptions, FrameNames, Seconds, check_node_id, whole
+from eurobot_od.cli.options import NOTHING_NAMED, BusOptions, FrameNames, Wait, check_node_id, whole
 from eurobot_od.cli.signature import DEVICE_FILES, HelpGroup, Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingError, RemoteError, look_up
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
@@ -501,7 +501,7 @@ class Access:
     """
 
     devices: Devices
-    timeout: Seconds = 0.5
+    timeout: Wait = 0.5
     largest: Annotated[int, Option(metavar="BYTES", read=whole(1, what="a number of bytes"))] = 1 << 20
     bus: BusOptions
 

@@ -12,11 +12,10 @@ from typing import Annotated, NamedTuple
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, version
-from eurobot_od.cli.decode import Log, Reading, decoder_for, opened
+from eurobot_od.cli.decode import Log, Reading, check_source, decoder_for, opened
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, FrameNames, Json, NoReconnect, Seconds, give, write
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError
 from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
 from eurobot_od.lint.findings import LEVELS
 from eurobot_od.od.dictionary import Dictionary
@@ -73,8 +72,8 @@ def diagnose(
     $ diagnose -i socketcan -c can0 --for 10s
     $ diagnose -i socketcan -c can0 --for 10s --ask
     """
-    if ask and logs:
-        raise LocalError("--ask is for a bus: a log has no devices to ask")
+    of_a_bus = {"for": duration < inf, "ask": ask, "no-reconnect": no_reconnect}
+    check_source(logs, bus, of_a_bus=of_a_bus, of_a_log=reading.given)
     form = form_of(report) if report else ""  # raises for an unknown suffix before the log is read
     decoder = decoder_for(logs, reading, devices, names)
     diagnosis = Diagnosis(decoder, devices.watchers, bus.bitrate or BITRATE, devices.promised(decoder))

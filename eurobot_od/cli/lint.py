@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od import loading
-from eurobot_od.cli import ExitStatus, RobotName, complain
+from eurobot_od.cli import ExitStatus, RobotName, complain, log_instead
 from eurobot_od.cli.options import BusOptions, Json, OneDevice, check_node_id, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, look_up
@@ -189,8 +189,8 @@ class FileChecks(NamedTuple):
         if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
             from eurobot_od.od.network import is_network  # imports dictionaries, which a check does without
 
-            network = f"; a network file is checked by lint --network {file}" if is_network(file) else ""
-            raise DictionaryError(file, None, f"not an EDS: it has no section of one{network}")
+            hint = f"; a network file is checked by lint --network {file}" if is_network(file) else ""
+            raise DictionaryError(file, None, f"not an EDS: it has no section of one{hint or log_instead(file)}")
         return lint_device(device, file, self.stack)
 
 

@@ -19,11 +19,10 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
-from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
+from eurobot_od.cli.decode import Log, Reading, check_source, decoder_for, entries
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, FrameNames, NoReconnect, Seconds, positive
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.support import extras
 from eurobot_od.support.progress import redraws
@@ -81,8 +80,8 @@ def monitor(
     $ monitor --plain --eds 5=motor.eds -i socketcan -c can0
     $ monitor --log bus.log -i socketcan -c can0
     """
-    if ask and logs:
-        raise LocalError("--ask is for a bus: a log has no devices to ask")
+    of_a_bus = {"for": duration < inf, "ask": ask, "no-reconnect": no_reconnect}
+    check_source(logs, bus, of_a_bus=of_a_bus, of_a_log={"speed": speed != 1, **reading.given})
     decoder = devices.asking_decoder(bus, names) if ask else decoder_for(logs, reading, devices, names)
     traffic = Traffic(decoder, bus.bitrate or BITRATE, devices.promised(decoder) if statistics else NOTHING)
     controls = Controls(sort, filter)

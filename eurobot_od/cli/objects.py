@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_names
-from eurobot_od.cli.options import Clone, EmcyFiles, Json, Seconds, give, whole, write_dcf
+from eurobot_od.cli.options import Clone, EmcyFiles, Json, Seconds, Wait, give, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
 from eurobot_od.client.description import read_identity
@@ -436,7 +436,7 @@ class MotionOptions:
     velocity: Annotated[int | None, Option(metavar="V")] = None
     relative: bool = False
     method: Annotated[int | None, Option(metavar="N")] = None
-    within: Seconds = 60.0
+    within: Wait = 60.0
     span: Annotated[Seconds | None, Option("--for")] = None
 
     def check(self, action: str) -> None:
@@ -504,6 +504,9 @@ def drive(
 ) -> None:
     """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
 
+    `home`, `move` and `jog` enable a drive that is not, and leave it enabled. `stop` is a quick stop: by 0x605A the
+    drive is then disabled, as by default, or stays in Quick stop active, with torque.
+
     Every motion ends with a halt that is repeated until the drive stands, also at Ctrl-C and SIGTERM. While it moves it
     watches this program's heartbeat (0x1016, 0x6007), and makes a quick stop when that is lost; one that cannot is
     warned of. Enabling begins at rest.
@@ -525,23 +528,28 @@ def drive(
     with target.opened() as node:
         described = target.known_description(node)
         found = Drive402(node, described, axis)
-        if action in (*WATCHED, "status"):
-            _check_is_drive(found, node)  # before a command is sent
+        before = _status_of(node, described, axis) if action in (*WATCHED, "status") else None
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)
         status = found.status
+    if before and before.state is not State.ENABLED and status.state is State.ENABLED:
+        stays = f"it stays so; `drive {node.node_id} disable` ends that"
+        complain(f"node {node.node_id} was not enabled: `{action}` has enabled it, and {stays}")
     line = one_line(f"node {node.node_id}: {drive_as_text(status)}")
     give(as_json, drive_as_data(status), [line], indent=None)
 
 
-def _check_is_drive(drive: Drive402, node: RemoteNode) -> None:
-    """Check that a node has a statusword; raises RemoteError."""
+def _status_of(node: RemoteNode, described: Dictionary | None, axis: int) -> DriveStatus:
+    """Return the status of an axis before a command is sent; raises RemoteError if the node has no such axis."""
     try:
-        _ = drive.status
+        return Drive402(node, described, axis).status
     except NodeRefused as refused:
         if refused.code != AbortCode.NO_OBJECT:
             raise
-        raise RemoteError(f"node {node.node_id} is no drive of CiA 402: {refused.request} is refused") from None
+        said = f"{refused.request} is refused"
+        if axis > 1 and _status_of(node, described, 1):  # raises if the node is no drive at all
+            raise RemoteError(f"node {node.node_id} has no axis {axis}: {said}; axis 1 answers") from None
+        raise RemoteError(f"node {node.node_id} is no drive of CiA 402: {said}") from None
 
 
 @contextmanager

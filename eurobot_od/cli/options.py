@@ -51,6 +51,18 @@ def span(text: str) -> float:
     return texts.seconds(f"{text} s" if text[-1:].isdigit() else text)
 
 
+def span_below(longest: float) -> Callable[[str], float]:
+    """Return a parser as `span`, which asks for the unit of a number from `longest` on: ms may be meant."""
+
+    def read(text: str) -> float:
+        seconds = span(text)
+        if text[-1:].isdigit() and seconds >= longest:
+            raise LocalError(f"{text} without a unit would be {text} s; write {text}ms, or {text}s")
+        return seconds
+
+    return read
+
+
 def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
     """Return a parser for an integer in a range; `what` names it in error messages."""
 
@@ -104,7 +116,12 @@ def listed(text: str) -> tuple[str, ...]:
 BIT_RATE = 500_000
 """Default bit rate in bit/s."""
 
-Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
+LONG_PERIOD, LONG_WAIT, LONG_RUN = 10.0, 100.0, 1000.0
+"""Times in s from which on a number needs its unit: of a period, a wait, a whole run."""
+
+Moment: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
+Wait: TypeAlias = Annotated[float, Option(metavar="TIME", read=span_below(LONG_WAIT))]
+Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span_below(LONG_RUN))]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=bit_rate)]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE", is_output=True), "default: standard output"]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from eurobot_od.bus.live import FrameReader, transmit
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, Seconds
+from eurobot_od.cli.options import BusOptions, Wait
 from eurobot_od.cli.signature import Option, bus_named
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
@@ -34,7 +34,7 @@ def send(
     fields: Annotated[Sequence[str], Option(metavar="FIELD=VALUE")] = (),
     *,
     expect: Annotated[str | None, Option(metavar="MESSAGE")] = None,
-    within: Seconds = 1.0,
+    within: Wait = 1.0,
     devices: Devices,
     bus: BusOptions,
 ) -> ExitStatus:

@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 from eurobot_od.bus import live
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain, version
-from eurobot_od.cli.decode import Log, Reading, decoder_for, entries
+from eurobot_od.cli.decode import Log, Reading, check_source, decoder_for, entries
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import BusOptions, FrameNames, whole
 from eurobot_od.cli.signature import Option
@@ -128,6 +128,7 @@ def serve(
     if folder:
         logs = ()
         devices = replace(devices, network=str(workspace(folder)))
+    check_source(logs, bus, of_a_bus={}, of_a_log={})
     if logs and control:
         missing = next((each for each in logs if not Path(each).suffix and not Path(each).exists()), None)
         raise LocalError(

@@ -163,6 +163,10 @@ ARGUMENTS = {
 
 NOT_NEEDED = {
     "scan": (("node", "nodes", "id", "ids", "node-id", "range"), "it asks every node-ID from 1 to 127"),
+    **dict.fromkeys(
+        ("decode", "compare", "archive"),
+        (("i", "c", "interface", "channel"), "it reads logs: monitor, diagnose and serve take a bus"),
+    ),
     "drive": (("mode",), "the command sets the mode: move and jog, or home"),
 }
 """By command: options of other programs that it does without, and why."""

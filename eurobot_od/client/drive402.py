@@ -65,6 +65,9 @@ NO_WINDOW = 0xFFFFFFFF
 
 ENABLE = "enable"
 
+KNOWN_METHODS = "1..14, 17..30, 33..35, 37, and a maker's below 0"
+"""The homing methods, for an error."""
+
 DRIVE_PROFILES = (cia402.PROFILE, 0xFFFF)
 """Low words of 0x1000 that a drive may have: CiA 402, or several profiles (CiA 301, 7.5.2.1)."""
 
@@ -400,7 +403,7 @@ class DriveAtNode:
     async def _begin_home(self, method: int | None = None) -> None:
         """Enable the drive and start homing as `home` does, without waiting for the end."""
         if method is not None and method > 0 and method not in METHODS:
-            raise LocalError(f"{method} is not a homing method of CiA 402")
+            raise LocalError(f"{method} is not a homing method of CiA 402; known: {KNOWN_METHODS}")
         if method is not None:
             await self._write(cia402.HOMING_METHOD, method)
         await self._enter(Mode.HOMING)

@@ -110,7 +110,8 @@ class NodeFile(NamedTuple):
 
     def load(self, node_id: int | None = None) -> Dictionary:
         """Load the dictionary, for another node-ID if given; raises as `Dictionary.load`."""
-        return self.described(Dictionary.load(self.file, node_id or self.node_id, self.name, self.modules, self.patch))
+        name = str(self.name)  # without its place in the network file: PyYAML writes no subclasses of str
+        return self.described(Dictionary.load(self.file, node_id or self.node_id, name, self.modules, self.patch))
 
     def described(self, dictionary: Dictionary) -> Dictionary:
         """Return a dictionary with this node's units and texts."""

@@ -581,6 +581,8 @@ class Decoding:
         self, decoder: Decoder, output: Output, wanted: Wanted | None = None, window: Window = EVERYTHING
     ) -> None:
         self.damage = DamageCounts()
+        self.silent = list[str]()
+        """The logs without any entry."""
         self.output, self.wanted, self._window = output, wanted, window
         self._decoder = decoder
         self._first = ChannelDecoding(decoder, output, wanted)
@@ -593,11 +595,14 @@ class Decoding:
         write = self.output.writer(log)
         clock = self._window.clock()
         decoded = DecodedLog(self, self._decoder, self._first)
+        batch = None
         for batch in formats.batches(file, form, largest):
             rows = decoded.rows(batch)
             for place, defects in decoded.defects():
                 self.damage.add(log, batch.lines[place], defects)
             yield write(batch, rows, clock)
+        if batch is None:
+            self.silent.append(log)
         self.damage.notes += [f"{log}: {note}" for note in decoded.notes()]
         for _, last, transfer in decoded.unfinished():
             if self.wanted is None or self.wanted(last):

@@ -92,7 +92,8 @@ def by_value(text: str, protocol: Protocol) -> Wanted:
     """
     match = CONDITION.fullmatch(text)
     if match is None:
-        raise LocalError(f"{text!r} is not a comparison such as `x>1000` or `MESSAGE.x>1000`")
+        quoted = "" if OPERATORS.keys() & {*text} else "; write it in quotes, as a shell takes > and < for itself"
+        raise LocalError(f"{text!r} is not a comparison such as `x>1000` or `MESSAGE.x>1000`{quoted}")
     bindings = [protocol.binding(match["message"].strip())] if match["message"] else protocol.bindings
     having = [each for each in bindings if match["field"] in each.kinds]
     if not having:

@@ -50,6 +50,17 @@ def test_a_form_goes_to_standard_output_or_into_a_file(
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.parametrize("file", ["eurobot-od.yaml", "bench.yaml"])
+def test_a_suite_of_a_log_names_its_node_as_the_network_file_does(
+    file: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(file).write_text(f"nodes:\n  hoist: {{file: {LIFT}, node_id: 5}}\n")
+    Path("run.log").write_text("(1.0) can0 605#4000100000000000\n(1.1) can0 585#4300100000000000\n")
+    said = run(capsys, "export", "suite", "run.log", "--node", "hoist", "--network", file)
+    assert (said.status, said.err, "\nnode: hoist\n" in said.out) == (0, "", True)
+
+
 NAMED = [
     (["c"], "robot_move_to_pack"),
     (["c", "--name", "Our bus"], "our_bus_move_to_pack"),

@@ -17,11 +17,13 @@ EDS = plant.FILES.folder() / "lift.eds"
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run in a folder with one EDS and a picture, without a configuration of python-can's."""
+    """Run in a folder with an EDS, two logs and a picture, without a configuration of python-can's."""
     (tmp_path / "lift.eds").write_bytes(EDS.read_bytes())
     (tmp_path / "net.yaml").write_text(
         "nodes:\n  lift: {file: lift.eds, node_id: 5}\n  door: {file: lift.eds, node_id: 5}\n"
     )
+    (tmp_path / "frames.txt").write_text("(1.0) can0 705#05\n")
+    (tmp_path / "damaged.blf").write_bytes(b"LOGG" + bytes(range(256)))
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
     monkeypatch.chdir(tmp_path)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_CONFIG"):
@@ -121,6 +123,16 @@ MISTAKES = {
         "--junit lift.eds is a file that is read: name another one",
     ),
     "... of a log": ("monitor|lift.eds|--log|lift.eds", 2, "--log lift.eds is a file that is read: name another one"),
+    "lint of a log": (
+        "lint|frames.txt",
+        2,
+        "frames.txt: not an EDS: it has no section of one; it is a log: decode shows it, diagnose judges it",
+    ),
+    "a log as a device's file": (
+        "show|--eds|5=frames.txt",
+        2,
+        "frames.txt: not an EDS: it describes no object; it is a log: decode shows it, diagnose judges it",
+    ),
     "lint of what is not an EDS": ("lint|picture.png", 2, "picture.png: not an EDS: it has no section of one"),
     "a rule with a slip": ("lint|--select|E3008|lift.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
     "a file with a slip": ("show|--eds|5=lif.eds", 2, "lif.eds: No such file or directory; did you mean lift.eds?"),
@@ -156,6 +168,72 @@ MISTAKES = {
         "decode|picture.log",
         2,
         "picture.log: No such file or directory; did you mean picture.png?",
+    ),
+    "a damaged log": (
+        "diagnose|damaged.blf",
+        2,
+        "damaged.blf: nothing in it can be read as a frame: a file header of 50462976 bytes; at most 1048576 are read",
+    ),
+    "a filter of candump as a log": (
+        "decode|frames.txt|705:7FF",
+        2,
+        "705:7FF: No such file or directory; a filter is --message, --node or --where; monitor has --filter 705",
+    ),
+    "a channel as a log": (
+        "monitor|can0",
+        2,
+        "can0: No such file or directory; the bus is -i socketcan -c can0",
+    ),
+    "a log and a time of listening": (
+        "diagnose|frames.txt|--for|10s",
+        2,
+        "--for is for a bus: leave it out, or frames.txt",
+    ),
+    "a log and a bus": (
+        "diagnose|frames.txt|-i|virtual|-c|a",
+        2,
+        "a log or a bus, not both: leave out -i and -c, or frames.txt",
+    ),
+    "a log, played on no bus": (
+        "monitor|frames.txt|--no-reconnect",
+        2,
+        "--no-reconnect is for a bus: leave it out, or frames.txt",
+    ),
+    "a log on a page, and a bus": (
+        "serve|frames.txt|-c|can0",
+        2,
+        "a log or a bus, not both: leave out -i and -c, or frames.txt",
+    ),
+    "a bus and an option of logs": (
+        "monitor|--speed|10|-i|virtual",
+        2,
+        "--speed is for a log: name one, or leave it out",
+    ),
+    "a condition without its operator": (
+        "decode|frames.txt|--where|speed",
+        2,
+        "'speed' is not a comparison such as `x>1000` or `MESSAGE.x>1000`; "
+        "write it in quotes, as a shell takes > and < for itself",
+    ),
+    "a tolerance with a unit": (
+        "compare|frames.txt|frames.txt|--tolerance|speed=5rpm",
+        2,
+        "--tolerance speed=5rpm: not a number, 0 or more; it is in the unit of the field, and has none itself",
+    ),
+    "a field without files": (
+        "--robot|none|compare|frames.txt|frames.txt|--tolerance|speed=5",
+        2,
+        "unknown field 'speed'; names come from the devices' files: --eds or --network",
+    ),
+    "a node without files": (
+        "--robot|none|export|suite|frames.txt|--node|motor",
+        2,
+        "unknown node 'motor'; names come from the devices' files: --eds or --network",
+    ),
+    "an option as a command": (
+        "conformance|--eds|5=lift.eds",
+        2,
+        "unknown command 'conformance'; here that is check --conformance",
     ),
     "a folder as a log": ("decode|.", 2, ".: Is a directory; name its files, such as ./*"),
     "a pattern without a match": ("decode|*.trc", 2, "*.trc: No such file or directory; no file matches this pattern"),
@@ -248,6 +326,18 @@ USAGES = {
     "a long period without its unit": (
         "sync|--period|100|-i|virtual",
         "argument --period: 100 without a unit would be 100 s; write 100ms, or 100s",
+    ),
+    "a wait that is meant in ms": (
+        "drive|5|move|0|--within|3000|-i|virtual",
+        "argument --within: 3000 without a unit would be 3000 s; write 3000ms, or 3000s",
+    ),
+    "a time of listening that is meant in ms": (
+        "monitor|--for|5000|-i|virtual",
+        "argument --for: 5000 without a unit would be 5000 s; write 5000ms, or 5000s",
+    ),
+    "a bus where logs are read": (
+        "decode|-i|virtual",
+        "unrecognized arguments: -i; it reads logs: monitor, diagnose and serve take a bus",
     ),
     "a channel without its option": ("scan|can0", "unrecognized arguments: can0; the bus is -i socketcan -c can0"),
     "a node as an option": (

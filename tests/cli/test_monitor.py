@@ -77,7 +77,7 @@ def test_statistics_at_the_end(log: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_keys_that_ask_a_node_need_a_bus(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--ask"]) == 2
-    assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has no devices to ask\n"
+    assert capsys.readouterr().err == f"eurobot-od: --ask is for a bus: leave it out, or {log}\n"
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "fast"])

@@ -11,6 +11,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import objects as command
+from eurobot_od.client.drive402 import KNOWN_METHODS
 from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
@@ -103,6 +104,17 @@ def test_drive_says_that_a_node_is_no_drive(capsys: pytest.CaptureFixture[str]) 
     assert "node 5 cannot store parameters: it has no 0x1010" in kept.err
 
 
+def test_drive_says_which_axes_a_drive_has(capsys: pytest.CaptureFixture[str], channel: str) -> None:
+    told = said(capsys, channel, "status", "--axis", "2")
+    assert told.status == 1
+    assert told.err.endswith("node 5 has no axis 2: read 0x6841:0 is refused; axis 1 answers\n")
+
+
+def test_a_motion_says_that_it_has_enabled_the_drive(capsys: pytest.CaptureFixture[str], channel: str) -> None:
+    stays = "eurobot-od: node 5 was not enabled: `move` has enabled it, and it stays so; `drive 5 disable` ends that\n"
+    assert [said(capsys, channel, "move", "10").err for _ in range(2)] == [stays, ""]
+
+
 WRONG = [
     (["move"], "drive move needs a position"),
     (["jog"], "drive jog needs a velocity"),
@@ -110,7 +122,7 @@ WRONG = [
     (["home", "--velocity", "5"], "--velocity is for `drive move`"),
     (["move", "5", "--method", "35"], "--method is for `drive home`"),
     (["move", "5", "--for", "1 s"], "--for is for `drive jog`"),
-    (["home", "--method", "16"], "16 is not a homing method of CiA 402"),
+    (["home", "--method", "16"], f"16 is not a homing method of CiA 402; known: {KNOWN_METHODS}"),
     (["move", "99999999999"], "99999999999 does not fit 0x607A: -2147483648..2147483647"),
 ]
 

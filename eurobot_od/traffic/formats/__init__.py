@@ -13,8 +13,10 @@ from itertools import chain, islice
 from pathlib import PurePath
 from typing import Any, BinaryIO, NamedTuple, cast
 
-from eurobot_od.errors import LocalError, look_up
-from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, gathered
+from eurobot_od.errors import FileError, LocalError, look_up
+from eurobot_od.frame import Frame
+from eurobot_od.support.files import opened
+from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, Raw, gathered
 from eurobot_od.traffic.formats.lines import read_lines
 
 STANDARD_INPUT = CANDUMP = "log"
@@ -131,9 +133,8 @@ def batches(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> 
     before more is waited for. Raises UnknownName for a `form` that is not one, LocalError for a name that says none,
     for a pipe where only a file will do, and, at its end, for a log that has entries of which none can be read.
     """
-    words = likely(_beginning(file))
-    found = _batches(file, form, largest)
-    return _read_at_all(found, words, getattr(file, "name", None))
+    beginning = _beginning(file)
+    return _read_at_all(_batches(file, form, largest), beginning, getattr(file, "name", None))
 
 
 def entries(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
@@ -155,18 +156,28 @@ def _batches(file: BinaryIO, form: str | None, largest: int) -> Iterator[Batch]:
     return found if content is file else _until_it_breaks(found)
 
 
-def _read_at_all(found: Iterator[Batch], words: str, name: object) -> Iterator[Batch]:
-    has_some = False
+def _read_at_all(found: Iterator[Batch], beginning: bytes, name: object) -> Iterator[Batch]:
+    first: int | Raw | None = None
     for batch in found:
         yield batch
         if batch.is_read:
             break
-        has_some = True
+        first = first or batch.heads[0]
     else:
-        if has_some:
+        if isinstance(first, Foreign):
             shown = name if isinstance(name, str) and name != "<stdin>" else "standard input"
-            raise LocalError(f"{shown}: nothing in it can be read as a frame; {words}")
+            raise LocalError(f"{shown}: nothing in it can be read as a frame{_reason(first, beginning)}")
     yield from found
+
+
+def _reason(first: Foreign, beginning: bytes) -> str:
+    """Return why nothing can be read of a log with these first bytes and this first entry, and what helps."""
+    known = CONTENT.match(beginning)
+    is_text = known is None or FORMATS[known.lastgroup or CANDUMP].is_text
+    advice = likely(beginning)
+    if is_text and not beginning.startswith(PACKED):
+        return f"; {advice}"
+    return f": {first.text}" if advice is OTHERS else f": {first.text}; {advice}"
 
 
 def likely(beginning: bytes) -> str:
@@ -183,6 +194,13 @@ def form_of(file: BinaryIO, form: str | None = None) -> str:
     suffix = form or _said_by(beginning, name)
     _reader(suffix, name)  # raises for an unsuitable format
     return suffix
+
+
+def is_log(file: str) -> bool:
+    """Return whether a file is a log: whether a frame is among its first entries."""
+    with suppress(LocalError, FileError), opened(file) as log:
+        return any(isinstance(raw, Frame) for *_, raw in islice(entries(log), MOST_STRANGE))
+    return False
 
 
 def _content(file: BinaryIO) -> tuple[BinaryIO, bytes]:

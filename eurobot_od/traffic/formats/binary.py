@@ -73,7 +73,7 @@ def read_blf(file: BinaryIO, largest: int) -> Entries:
     return entries.read_each(frames, _entry, entries.ends_within("an object", zlib.error))
 
 
-def _start(file: BinaryIO) -> float:
+def _start(file: BinaryIO, largest: int) -> float:
     """Read the file header; return the start time in s since 1970, 0 without one."""
     head = file.read(FILE_HEADER.size)
     signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(head)
@@ -81,7 +81,10 @@ def _start(file: BinaryIO) -> float:
         raise ValueError("not a BLF file")
     if size < FILE_HEADER.size:
         raise ValueError(f"a file header of {size} bytes; it has at least {FILE_HEADER.size}")
-    file.read(size - FILE_HEADER.size)
+    if size > largest:
+        raise ValueError(f"a file header of {size} bytes; at most {largest} are read")
+    if len(file.read(size - FILE_HEADER.size)) < size - FILE_HEADER.size:
+        raise EOFError
     try:
         return datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC).timestamp()
     except ValueError:  # all zero, without a start time
@@ -130,7 +133,7 @@ def _unpacked(body: bytes) -> Iterator[bytes]:
 
 def _objects(file: BinaryIO, largest: int) -> Iterator[BlfObject]:
     """Yield the objects in the containers; an object may start in one container and end in the next."""
-    start = _start(file)
+    start = _start(file, largest)
     left = b""
     for content in _containers(file, largest):
         data = left + content

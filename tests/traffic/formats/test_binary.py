@@ -147,6 +147,8 @@ ENDS = [
     (pcap("<", PCAP, b"no"), "pcap", Damage.UNREADABLE, "a packet of 2 bytes; it has at least 8"),
     (BLF_OBJECT, "blf", Damage.UNREADABLE, "an object of 2097152 bytes; at most 1048576 are read"),
     (BLF[:4] + struct.pack("<L", 40) + BLF[8:], "blf", Damage.UNREADABLE, "a file header of 40 bytes; it has at least"),
+    (BLF[:4] + b"\xff" * 4 + BLF[8:], "blf", Damage.UNREADABLE, "a file header of 4294967295 bytes; at most 1048576"),
+    (BLF[:4] + struct.pack("<L", 200) + BLF[8:100], "blf", Damage.CUT_OFF, "the file ends in the middle of an object"),
 ]
 
 
