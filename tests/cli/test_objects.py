@@ -47,7 +47,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Run:
     def command(channel: str, *words: str) -> tuple[int, str, str]:
-        status = main([*words, "--timeout", "300 ms", "-i", "virtual", "-c", channel])
+        status = main([*words, "--timeout", "1 s", "-i", "virtual", "-c", channel])
         return (status, *capsys.readouterr())
 
     return command
@@ -235,7 +235,7 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
         (
             ["read", "9", "0x1017"],
             1,
-            "no answer from node 9 within 300 ms after the question which device it is; "
+            "no answer from node 9 within 1000 ms after the question which device it is; "
             "node 2 is on this bus, node 9 is not",
         ),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),

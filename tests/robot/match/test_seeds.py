@@ -163,7 +163,7 @@ POINTS = FIGURES[0]
 def test_a_line_of_a_strategy_is_written_whole() -> None:
     """The parts of two processes would mix otherwise."""
     written: list[str] = []
-    printed = Prefixed(SimpleNamespace(write=written.append), "seed 1: ")  # type: ignore[arg-type]
+    printed = Prefixed(SimpleNamespace(write=written.append, flush=bool), "seed 1: ")  # type: ignore[arg-type]
     for part in ("600", " ", "ARRIVED", "\n", "last"):
         printed.write(part)
     printed.end()
