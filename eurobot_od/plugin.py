@@ -294,6 +294,10 @@ class Plugins(NamedTuple):
         path = Path(text)
         if text in shipped:  # `./lift` names a file of this name
             return shipped[text]
+        if not path.is_file() and (named := text.removesuffix(".yaml").removesuffix(".check")) in shipped:
+            return shipped[named]
+        if path.is_dir():
+            raise LocalError(f"{text} is a folder: name its files, such as {path / '*.yaml'}")
         if not path.is_file() and path.suffix not in (".yaml", ".yml"):
             if not shipped:
                 raise LocalError(

@@ -32,6 +32,11 @@ def test_a_suite_has_the_name_of_its_file_and_a_program_of_that_name_is_no_suite
     (here / "lift").touch()  # compiled
     assert robot.suite("lift") == tmp_path / "lift.check.yaml"
     assert robot.suite("./lift") == Path("lift")
+    assert robot.suite("lift.yaml") == robot.suite("lift.check.yaml") == robot.suite("lift")
+    (here / "arm.yaml").touch()
+    assert robot.suite("arm.yaml") == Path("arm.yaml")
+    with pytest.raises(LocalError, match=r"is a folder: name its files, such as .*\*\.yaml"):
+        robot.suite(str(here))
     with pytest.raises(UnknownName, match="unknown suite 'lft'"):
         robot.suite("lft")
 

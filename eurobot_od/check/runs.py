@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from eurobot_od.check.report import CheckedDevice, StepResult, SuiteResult
-from eurobot_od.check.suite import Report, Suite
-from eurobot_od.errors import LocalError, RemoteError
+from eurobot_od.check.suite import Group, Report, Step, Suite
+from eurobot_od.errors import MOST_SHOWN, LocalError, RemoteError, meant
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import stranger
 from eurobot_od.od.standard import DEVICE_TYPE
@@ -128,8 +128,23 @@ def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -
         raise LocalError(f"no suite is tagged {' or '.join(tags)}; tags: {', '.join(known) or 'none'}")
     found = [suite for suite in tagged if any(is_chosen(steps, step.name) for step in suite.steps)]
     if steps and not found:
-        raise LocalError(f"no step is named like {' or '.join(steps)}")
+        names = [*dict.fromkeys(step.name for suite in tagged for step in suite.steps)]
+        hint = meant(steps[0], names) or f"; steps: {'; '.join(names)}"
+        if len(hint) > MOST_SHOWN:
+            hint = f"; there are {len(names)}, and -v prints them"
+        raise LocalError(f"no step is named like {' or '.join(steps)}{hint}")
     return found if steps else tagged
+
+
+def number_of_steps(suite: Suite) -> int:
+    """Return how many steps a run of a suite reports if none is red, groups counted by what is in them."""
+    return sum(map(_single_steps, (*suite.setup, *suite.steps, *suite.teardown)))
+
+
+def _single_steps(step: Step) -> int:
+    if not isinstance(step.action, Group):
+        return 1
+    return step.repeat * sum(map(_single_steps, step.action.steps))
 
 
 def listed(suites: Iterable[Suite]) -> Iterator[str]:
@@ -137,7 +152,7 @@ def listed(suites: Iterable[Suite]) -> Iterator[str]:
     for suite in suites:
         where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
         tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
-        yield one_line(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
+        yield one_line(f"{suite.file.stem:<24} {number_of_steps(suite):>4} steps  {suite.name} ({where}){tags}")
 
 
 def results_of(

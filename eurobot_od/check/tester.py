@@ -18,11 +18,12 @@ from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.report import StepReason
 from eurobot_od.check.suite import Mismatch, Pattern, Sent
+from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.standard import ERROR_REGISTER
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LENGTH, AbortCode, ClientCommand, Initiate, aborted
 from eurobot_od.traffic.decoding import TrackingDecoder
@@ -255,6 +256,12 @@ class BenchTester:
             return True
         return False
 
+    def _is_stopped(self, node: suite.NodeServices) -> bool:
+        """Return whether a node's last heartbeat says STOPPED."""
+        frames = (each.frame for each in reversed(self.trace.frames) if not each.own)
+        last = next((each for each in frames if each.cob_id == ERROR_CONTROL_BASE + node.node_id), None)
+        return last == error_control(node.node_id, NmtState.STOPPED)
+
     async def transfer(self, transfer: sdo.Transfer, node: suite.NodeServices, latest: float = 0.0) -> bytes:
         """Do a transfer and return its data; wait for a late answer until `latest` s after its request.
 
@@ -293,7 +300,11 @@ class BenchTester:
                 self.use(late)
                 await self.trace.sleep(UNCONFIRMED)  # a node may answer even the abort
             other = f" (but {silence.skipped[-1].hex(' ').upper()}, which is none)" if silence.skipped else ""
+            other += f" ({IS_STOPPED})" if self._is_stopped(node) else ""
             raise NoAnswer("SDO request", f"answer from {node.name}{other}", 1, transfer.wait) from None
+
+
+IS_STOPPED = "its last heartbeat says stopped: a stopped node answers no SDO; NMT start wakes it"
 
 
 def begins_transfer(request: bytes) -> bool:

@@ -153,7 +153,9 @@ class Scale(NamedTuple):
         if name in self.constants:
             return Operand(self.values.parse(str(self.constants[name])), None, self.values)
         if name not in self.saved:
-            raise UnknownName("variable", name, sorted({*self.constants, *self.saved}))
+            known = sorted({*self.constants, *self.saved})
+            none = "" if known else f"; a step before it saves one, `save: {name}`, or the head has `variables:`"
+            raise LocalError(f"{UnknownName('variable', name, known)}{none}")
         return Operand(None, name, self.values, int(match["bits"] or "0", 16))
 
 

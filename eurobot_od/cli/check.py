@@ -5,8 +5,8 @@ from __future__ import annotations
 import datetime
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -16,16 +16,18 @@ from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.report import CheckedDevice, RunFacts, StepResult, SuiteResult, checked_nothing
 from eurobot_od.check.runs import above, chosen, listed, results_of, run_options
 from eurobot_od.check.suite import Report, Suite
-from eurobot_od.cli import ExitStatus, complain, version
+from eurobot_od.cli import ExitStatus, complain, is_closed_pipe, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.options import BusOptions, Faults, FrameNames, Json, Output, whole, write
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError, RemoteError
+from eurobot_od.errors import EurobotError, LocalError, RemoteError
+from eurobot_od.loading import ROBOTS
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.pdos import OnRefused
+from eurobot_od.plugin import Plugins
 from eurobot_od.support.files import check_writable
 from eurobot_od.support.progress import in_colour
 from eurobot_od.support.texts import amount
@@ -74,7 +76,21 @@ class CheckReport:
         for file in self.files:
             check_writable(file)
         if any(each.is_file() for each in self.files):
-            self._write([SuiteResult(Path("check"), "the run", facts.bus, error=NO_RESULTS)], facts, None)
+            self._write_error(NO_RESULTS, facts)
+
+    @contextmanager
+    def explained(self, facts: RunFacts) -> Iterator[None]:
+        """Write into the files why a run ends without results; raises what it does."""
+        try:
+            yield
+        except (EurobotError, OSError) as error:
+            if not is_closed_pipe(error):
+                with suppress(OSError):
+                    self._write_error(str(error), facts)
+            raise
+
+    def _write_error(self, error: str, facts: RunFacts) -> None:
+        self._write([SuiteResult(Path("check"), "the run", facts.bus, error=error)], facts, None)
 
     @property
     def silent(self) -> bool:
@@ -158,45 +174,48 @@ def check(
     _check_options(checks, {name: given for name, given in of_made.items() if given})
     began = datetime.datetime.now(datetime.UTC).astimezone().isoformat("T", "seconds")
     facts = RunFacts(version(), began, "simulated" if checks.simulate else checks.bus.words)
-    if not (list or output):
-        report.begin(facts)
-    if checks.made.is_wanted and not (checks.simulate or list or output):
-        checks = replace(checks, devices=checks.devices.found_on(checks.bus))
-    with left_out() as refused:
-        reader = checks.reader(refused)
-        if output is not None:
-            write(output, "".join(checks.made.suites().texts(checks.devices.load()).values()))
-            return ExitStatus.FINE
-        suites = checks.suites(reader)
-    if list:
-        print(*listed(suites), sep="\n")
+    if output is not None:
+        write(output, "".join(checks.made_texts().values()))
         return ExitStatus.FINE
-    checks.check_faults(suites)
-    beyond = above(suites, checks.level) if checks.level else []
-    if not checks.simulate:
-        checks.bus.check_named()
-        checks = checks.as_spoken(suites, report)
-    facts = facts._replace(devices=checks.identified(suites, report))
+    if list:
+        print(*listed(checks.read()), sep="\n")
+        return ExitStatus.FINE
+    report.begin(facts)
     from eurobot_od.check.runner import Interrupt  # here, as listing suites does not need it
 
     interrupt = Interrupt()
-    with interrupt.by_ctrl_c():
-        results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report)]
+    with report.explained(facts):
+        if checks.made.is_wanted and not checks.simulate:
+            checks = replace(checks, devices=checks.devices.found_on(checks.bus))
+        suites = checks.read()
+        checks.check_faults(suites)
+        beyond = above(suites, checks.level) if checks.level else []
+        if not checks.simulate:
+            checks.bus.check_named()
+            checks = checks.as_spoken(suites, report)
+        facts = facts._replace(devices=checks.identified(suites, report))
+        with interrupt.by_ctrl_c():
+            results = [*results_of(checks, suites, range(seed, seed + repeat), interrupt, report)]
     report.give(checks.made, results, facts)
     if beyond and not report.as_json:
         print(f"at level {checks.level}, {amount(len(beyond), 'step')} not asked: {'; '.join(beyond)}")
-    if interrupt.requested:
+    return _status(results, facts, is_interrupted=interrupt.requested)
+
+
+def _status(results: Sequence[SuiteResult], facts: RunFacts, *, is_interrupted: bool) -> ExitStatus:
+    if is_interrupted:
         return ExitStatus.INTERRUPTED
     if any(result.error for result in results):
         return ExitStatus.TROUBLE
-    if any(result.failed for result in results) or checked_nothing(results):
-        return ExitStatus.FOUND
-    return ExitStatus.FOUND if facts.left_out else ExitStatus.FINE
+    is_red = any(result.failed for result in results) or checked_nothing(results)
+    return ExitStatus.FOUND if is_red or facts.left_out else ExitStatus.FINE
 
 
 def _check_options(checks: Checks, of_made: Mapping[str, object]) -> None:
     """Check that the options go together; `of_made` are those about generated suites. Raises LocalError."""
     made = checks.made
+    for each in checks.devices.eds:
+        network.node_file(each)  # first, as `--eds 5 motor.eds` makes the file a suite
     from_files = "makes its suites from the EDS files: leave out"
     about = ["output"] if made.profile else []
     if made.conformance:
@@ -258,6 +277,21 @@ class Made:
         return MadeSuites(None if self.conformance else self.profile, tier, self.motion, self.outputs)
 
 
+def _suite_file(plugins: Plugins, name: str) -> Path:
+    """Return the file of a suite; raises LocalError, for one of a robot that is not used with its name."""
+    try:
+        return plugins.suite(name)
+    except LocalError:
+        others = (each for each in ROBOTS.installed() if ROBOTS.load(each) is not plugins.robot)
+        robot = next((each for each in others if name in Plugins(ROBOTS.load(each)).shipped_suites()), None)
+        if robot is None:
+            raise
+        raise LocalError(
+            f"{name} is a suite of {robot}, for its own nodes: --robot {robot} without --eds and --network; "
+            "for other devices: a suite of your own, --conformance, --profile"
+        ) from None
+
+
 @dataclass(frozen=True)
 class Checks:
     """The suites to run, and how to run them.
@@ -268,7 +302,7 @@ class Checks:
     shared_world: the nodes on the bus share the world that a suite needs
     tag: run the suites with this tag
     step: run the steps whose names contain this, and those before them
-    keep_going: go on with the next step after a failed one
+    keep_going: go on with the next step after a failed one, and check a device that is not the file's
     level: leave out the steps that ask for more than this, such as 2014 for what the robot of that year had
     """
 
@@ -306,13 +340,25 @@ class Checks:
         networks = known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
         return SuiteReader(networks, self.devices.dialect)
 
-    def suites(self, reader: SuiteReader) -> list[Suite]:
-        """Read the chosen suites; raises YamlError, LocalError."""
+    def made_texts(self) -> Mapping[Path, str]:
+        """Return the generated suites, and report the devices that they are not for; raises LocalError, FileError."""
+        made, devices = self.made.suites(), self.devices.load()
+        texts = made.texts(devices)
+        for each in made.others(devices).values():
+            complain(f"not checked: {each}")
+        return texts
+
+    def read(self) -> list[Suite]:
+        """Read the chosen suites, and report PDOs that are left out; raises YamlError, LocalError."""
+        with left_out() as refused:
+            return self._suites(self.reader(refused))
+
+    def _suites(self, reader: SuiteReader) -> list[Suite]:
         if self.made.is_wanted:
-            read = reader.read_texts(self.made.suites().texts(self.devices.load()))
+            read = reader.read_texts(self.made_texts())
         else:
             plugins = self.devices.plugins
-            files = [plugins.suite(name) for name in self.files] or [*plugins.shipped_suites().values()]
+            files = [_suite_file(plugins, name) for name in self.files] or [*plugins.shipped_suites().values()]
             if not files:
                 raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
             if device := next((each for each in self.files if Path(each).suffix.lower() in SUFFIXES), None):
@@ -350,7 +396,8 @@ class Checks:
     def identified(self, suites: Sequence[Suite], report: CheckReport) -> list[CheckedDevice]:
         """Return the devices under test; on a bus, for generated suites and files, with the identity that they show.
 
-        Report each that is not its file's, or is missing while others answer. Raises BusError.
+        Report each that is not its file's, or is missing while others answer. Raises BusError; LocalError if a
+        generated suite would be for another device, without `keep_going`.
         """
         under_test = (each.dictionaries[name] for each in suites for name in each.nodes)
         devices = {(each.node_id, each.file): each for each in under_test}.values()
@@ -365,7 +412,10 @@ class Checks:
             is_silent = any(each.shown is None for each in found)
             there = [each.node_id for each in scan(master)] if is_silent else []
         absent = absence((each.node_id for each in devices), there)
-        for doubt in filter(None, [absent, *(each.doubt for each in found if each.shown)]):
+        doubts = [each.doubt for each in found if each.doubt and each.shown]
+        if doubts and self.is_made and not self.keep_going:
+            raise LocalError(f"{'; '.join(doubts)}; --keep-going checks it all the same")
+        for doubt in filter(None, [absent, *doubts]):
             complain(doubt)
         return found
 

@@ -164,9 +164,12 @@ class BusOptions:
 
     @property
     def words(self) -> str:
-        """The bus in words: interface, channel, bit rate as far as they are given."""
-        rate = f"at {self.bitrate} bit/s" if self.bitrate else ""
-        return " ".join(filter(None, [self.interface, self.channel, rate])) or "the bus that is configured"
+        """The bus in words: interface, channel, bit rate as far as they are given, here or in the configuration."""
+        from eurobot_od.bus import live
+
+        named = live.named(vars(self))
+        rate = f"at {named['bitrate']} bit/s" if "bitrate" in named else ""
+        return " ".join([*(str(named[key]) for key in ("interface", "channel") if key in named), rate]).strip()
 
     def check_named(self) -> None:
         """Check that a bus is named; raises LocalError with a clearer text than python-can's."""

@@ -148,6 +148,7 @@ OTHERWISE_CALLED = {
     **dict.fromkeys(("--id", "--set-node", "--nodeid"), "--node-id"),
     **dict.fromkeys(("--interval", "--cycle"), "--period"),
     "--out": "-o",
+    "-k": "--step",
     "--disable": "--ignore",
     "--rule": "--select",
 }
@@ -167,6 +168,7 @@ NOT_NEEDED = {
         ("decode", "compare", "archive"),
         (("i", "c", "interface", "channel"), "it reads logs: monitor, diagnose and serve take a bus"),
     ),
+    "check": (("timeout", "within"), "a suite has `timeout:`, a step `within:`"),
     "drive": (("mode",), "the command sets the mode: move and jog, or home"),
 }
 """By command: options of other programs that it does without, and why."""
@@ -176,6 +178,9 @@ CHANNELS = {r"v?can\d+": "socketcan", r"(?i:com\d+)|/dev/tty\S+": "slcan", r"PCA
 
 MOST_LISTED = 300
 """Maximum length of a list of a command's options in an error."""
+
+OPTIONS_ALIKE = 0.7
+"""Similarity from which an option is suggested; lower than for other names, because options are few."""
 
 DEVICE_FILES = (".eds", ".dcf", ".xdd", ".xdc")
 
@@ -284,7 +289,7 @@ class Parser(ArgumentParser):
             return "; a node-ID stands before the file, as in 5=motor.eds"
         if word in ("--output", "-o"):
             return "; it prints: write > FILE at the end"
-        return self._listed() + (order if places else "")
+        return self._listed()
 
     def _listed(self) -> str:
         """Return the command's own options, empty if there are too many."""
@@ -319,7 +324,7 @@ def _instead(word: str, options: Sequence[str]) -> str:
         return f"; the file to write is -o {word}"
     if word.lower().endswith(DEVICE_FILES) and "--eds" in options:
         return f"; the file of a device is --eds {word}"
-    return meant(word, options) if word.startswith("--") else ""
+    return meant(word, options, OPTIONS_ALIKE) if word.startswith("--") else ""
 
 
 def bus_named(word: str) -> str | None:

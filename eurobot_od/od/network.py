@@ -34,6 +34,11 @@ def node_file(text: str) -> NodeFile:
     """
     head, equals, file = text.partition("=")
     number = parse_number(head) if equals else None
+    if not Path(text).exists():
+        if parse_number(text):
+            raise DictionaryError(text, None, f"a node-ID without its file; write {text}=motor.eds")
+        if number is None and parse_number(file) and Path(head).is_file():
+            raise DictionaryError(text, None, f"the node-ID comes first; write {file}={head}")
     if number is None and (Path(text).exists() or not Path(file).is_file()):
         return NodeFile(text)  # a path may contain an equals sign
     if number is None or number.value not in (*NODE_IDS, UNCONFIGURED):

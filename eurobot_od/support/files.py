@@ -189,7 +189,8 @@ def check_writable(path: Path) -> None:
     }
     for number, applies in wrong.items():
         if applies:
-            raise OSError(number, os.strerror(number), str(path))
+            missing = f"; make its folder first: {path.parent}" if number == errno.ENOENT else ""
+            raise OSError(number, f"{os.strerror(number)}{missing}", str(path))
 
 
 def digest_of(files: Iterable[Path | None]) -> str:

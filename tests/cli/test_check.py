@@ -91,7 +91,7 @@ REFUSALS = {
         2,
         "eurobot-od: no suite is tagged x; tags: first, quick, slow",
     ),
-    "no step": ("green.yaml --simulate --step xyz", 2, "eurobot-od: no step is named like xyz"),
+    "no step": ("green.yaml --simulate --step xyz", 2, "eurobot-od: no step is named like xyz; steps: send Check Lift"),
     "no fault": ("green.yaml --simulate --fault x", 2, "eurobot-od: unknown fault 'x'"),
     "fault of other devices": (
         "green.yaml --simulate --fault overcurrent",
@@ -159,7 +159,8 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_done(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     said = run(capsys, "check", "green.yaml", "--simulate", "--junit", "nowhere/report.xml")
-    assert said == (3, "", "eurobot-od: nowhere/report.xml: No such file or directory\n")
+    why = "No such file or directory; make its folder first: nowhere"
+    assert said == (3, "", f"eurobot-od: nowhere/report.xml: {why}\n")
 
 
 def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -212,6 +213,40 @@ def test_a_file_that_is_not_read_whole_is_said_wherever_the_result_is(capsys: py
     assert "0x2300" in Path("own.xml").read_text()
 
 
+@pytest.mark.usefixtures("folder")
+def test_a_generated_suite_is_not_for_another_device(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CAN_INTERFACE", "virtual")
+    monkeypatch.setenv("CAN_CHANNEL", "another")
+    words = f"--conformance --tag emcy --eds 5={DOCS / 'servo.eds'} --junit run.xml"
+    with open_bus("virtual", "another") as bus, Live.node(bus, SimulatedDevice.load(DOCS / "motor.eds", 5)):
+        said = run(capsys, "check", *words.split())
+        why = "servo.eds is for another device: node 5 has product code 0x5, not 0x5E401"
+        assert said.status == 2
+        assert said.complaint.endswith(f"{why}; --keep-going checks it all the same")
+        assert why in Path("run.xml").read_text()
+        assert 'name="bus" value="virtual another"' in Path("run.xml").read_text()
+        assert run(capsys, "check", *words.split(), "--keep-going").out.splitlines()[-1].startswith("1 suite: ")
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_stopped_node_is_said_to_be_stopped(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("own.yaml").write_text(
+        "spec: 1\nname: own\nnode: motor\nsteps:\n  - nmt: stop\n  - wait: 2 s\n  - sdo: {read: 0x1000}\n"
+    )
+    said = run(capsys, "check", "own.yaml", "--eds", f"5={DOCS / 'motor.eds'}", "--simulate")
+    assert "answer from motor (its last heartbeat says stopped: a stopped node answers no SDO; NMT" in said.out
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_listed_suite_has_as_many_steps_as_its_run_reports(capsys: pytest.CaptureFixture[str]) -> None:
+    words = f"check --conformance --tag pdo --eds 5={DOCS / 'motor.eds'}".split()
+    counts = run(capsys, *words, "--simulate").out.splitlines()[-1]
+    total = sum(map(int, re.findall(r"(\d+) (?:ok|skipped)", counts)))
+    assert f" {total} steps " in run(capsys, *words, "--list").out
+
+
 @pytest.mark.parametrize(
     "words", ["nothing.yaml --simulate", "green.yaml -i socketcan -c nothere"], ids=["wrong file", "no bus"]
 )
@@ -223,7 +258,9 @@ def test_a_run_without_results_leaves_no_earlier_report(
     assert run(capsys, "check", *words.split(), "--junit", "report.xml", "--report", "report.md").status in (2, 3)
     (suite,) = JUnitXml.fromfile(str(folder / "report.xml"))
     assert (suite.tests, suite.errors) == (1, 1)
-    assert "it has begun, and has no results" in (folder / "report.md").read_text()
+    why = {"nothing.yaml": "No such file or directory", "green.yaml": "cannot open the socketcan bus"}
+    for name in ("report.xml", "report.md"):
+        assert why[words.partition(" ")[0]] in (folder / name).read_text()
 
 
 @pytest.mark.usefixtures("folder")
@@ -398,6 +435,7 @@ def test_without_an_option_a_suite_only_reads(profile: str, tmp_path: Path, caps
 REFUSED = [
     (("--profile", "401", "--motion", "1@1"), "--motion needs --profile 402"),
     (("--profile", "402", "--outputs"), "--outputs needs --profile 401"),
+    (("--profile", "402"), "io.eds: 0x1000 says CiA 401, not 402: write --profile 401"),
     (("--profile", "402", "--motion", "100"), "'100': a distance and a velocity above 0, such as 2000@100"),
 ]
 

@@ -238,6 +238,13 @@ MISTAKES = {
     "a folder as a log": ("decode|.", 2, ".: Is a directory; name its files, such as ./*"),
     "a pattern without a match": ("decode|*.trc", 2, "*.trc: No such file or directory; no file matches this pattern"),
     "a colon after a node-ID": ("show|--eds|5:lift.eds", 2, "5:lift.eds: No such file or directory; write 5=lift.eds"),
+    "a node-ID apart from its file": (
+        "check|--conformance|--eds|5|lift.eds|--simulate",
+        2,
+        "5: a node-ID without its file; write 5=motor.eds",
+    ),
+    "a node-ID after its file": ("show|--eds|lift.eds=5", 2, "lift.eds=5: the node-ID comes first; write 5=lift.eds"),
+    "a folder of suites": ("check|.|--simulate", 2, ". is a folder: name its files, such as *.yaml"),
     "a frame in several words": (
         "send|0x123|01|02|-i|virtual",
         2,
@@ -385,6 +392,15 @@ USAGES = {
         "check|--confromance|--simulate",
         "unrecognized arguments: --confromance; did you mean --conformance?",
     ),
+    "... with another ending": (
+        "check|--conformity|--simulate",
+        "unrecognized arguments: --conformity; did you mean --conformance?",
+    ),
+    "an option of pytest": ("check|mine.yaml|-k|Temp", "unrecognized arguments: -k Temp; here that is --step"),
+    "an option that a suite has": (
+        "check|mine.yaml|--timeout|5s",
+        "unrecognized arguments: --timeout 5s; a suite has `timeout:`, a step `within:`",
+    ),
     "an option without its value": ("check|--step", "argument --step: expected one argument"),
 }
 
@@ -477,7 +493,7 @@ STEPS = {
     ),
     "a variable that nobody has saved": (
         "  - expect: {Move State Response: {time: '{t}'}}\n",
-        "5:42: unknown variable 't'",
+        "5:42: unknown variable 't'; a step before it saves one, `save: t`, or the head has `variables:`",
     ),
     "an action with a slip": ("  - sned: Halt Lift\n", "5:5: unknown action 'sned'; did you mean send?"),
     "two actions": (

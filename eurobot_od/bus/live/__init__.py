@@ -51,6 +51,7 @@ from eurobot_od.bus.live.adapters import here as here
 from eurobot_od.bus.live.buses import Driver as Driver
 from eurobot_od.bus.live.buses import Opener as Opener
 from eurobot_od.bus.live.buses import is_named as is_named
+from eurobot_od.bus.live.buses import named as named
 from eurobot_od.bus.live.buses import open_bus as open_bus
 from eurobot_od.bus.live.buses import share as share
 from eurobot_od.bus.live.buses import transmit as transmit

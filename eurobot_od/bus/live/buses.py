@@ -122,12 +122,14 @@ def open_bus(
     given = {key: value for key, value in asked.items() if value is not None} | options
     config: Mapping[str, Any] = given
     try:
-        said = _named(given)
+        said = named(given).keys()
         # Our default channel is only for our default interface.
         defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
         config = util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given)
         bus = can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))
-        if bus.channel_info == can.BusABC.channel_info:  # "unknown", for example for slcan
+        kind, at = (str(config.get(key) or "") for key in ("interface", "channel"))
+        is_twice = kind == "remote" and str(bus.channel_info).count(at.rstrip("/")) > 1  # the server's name has it, too
+        if is_twice or bus.channel_info == can.BusABC.channel_info:  # "unknown", for example for slcan
             bus.channel_info = f"{config.get('interface')} {config.get('channel')}"
         LIVE_LOG.info("%s is open", bus.channel_info)
         return bus
@@ -215,15 +217,15 @@ def _number(error: BaseException) -> int | None:
 
 def is_named(interface: str | None) -> bool:
     """Return whether the caller or python-can's configuration names an interface."""
-    return bool(_named({"interface": interface} if interface else {}) & INTERFACE_KEYS)
+    return bool(named({"interface": interface}).keys() & INTERFACE_KEYS)
 
 
-def _named(given: dict[str, Any]) -> set[str]:
-    """Return the keys that have a value from the caller, python-can's variables or its files."""
+def named(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what has a value from the caller, python-can's variables or its files, by python-can's keys."""
     from can import rc, util
 
-    sources = (given, rc, util.load_environment_config(), util.load_file_config())
-    return {key for source in sources for key, value in source.items() if value}
+    sources = (util.load_file_config(), util.load_environment_config(), rc, given)
+    return {key: value for source in sources for key, value in source.items() if value}
 
 
 def _one_line(error: BaseException) -> str:

@@ -12,12 +12,14 @@ from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, DeviceUnderTe
 from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.step import Data, documents, hexadecimal, title
 from eurobot_od.check.report import AS_THEY_WERE, ONLY_WITH, RunFacts, SuiteResult
+from eurobot_od.device.profiles import KINDS
 from eurobot_od.errors import LocalError
 from eurobot_od.export.forms import DocBlock
 from eurobot_od.od import cia401
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERRORS, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.od.words import profile_of
 
 CHAPTERS = (
     *(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo)),
@@ -85,7 +87,7 @@ class MadeSuites(NamedTuple):
     outputs: bool = False
 
     def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
-        """Return the suites of each device, by the file name for reports; raises LocalError."""
+        """Return the suites of each device of the profile, by the file name for reports; raises LocalError."""
         is_reversible = self.tier is not Tier.READING
         if self.profile is None:
             make = partial(text, tier=self.tier)
@@ -94,7 +96,23 @@ class MadeSuites(NamedTuple):
         else:
             motion = profiles.MotionBounds(*self.motion) if self.motion else None
             make = partial(profiles.drive_text, reversible=is_reversible, motion=motion)
-        return {file_of(each): make(each) for each in dictionaries}
+        return {file_of(each): make(each) for each in self._fitting(list(dictionaries))}
+
+    def _fitting(self, dictionaries: Sequence[Dictionary]) -> list[Dictionary]:
+        """Return the devices without those of another profile; raises LocalError if these are all."""
+        others = self.others(dictionaries)
+        if others and len(others) == len(dictionaries):
+            raise LocalError("; ".join(others.values()))
+        return [each for each in dictionaries if each.name not in others]
+
+    def others(self, dictionaries: Iterable[Dictionary]) -> dict[str, str]:
+        """Return of which other profile devices are, by their names; nothing if none is asked."""
+        said = {each.name: (each.file, profile_of(each.objects)) for each in dictionaries if self.profile is not None}
+        return {
+            name: f"{file}: 0x1000 says CiA {profile}, not {self.profile}: write --profile {profile}"
+            for name, (file, profile) in said.items()
+            if profile in KINDS and profile != self.profile
+        }
 
     def device_runs(self, results: Sequence[SuiteResult], run: RunFacts) -> list[DeviceRun]:
         """Return the results by device."""

@@ -16,8 +16,8 @@ from eurobot_od.check.conformance.suite import MadeSuites, parse_motion
 from eurobot_od.check.format import SuiteReader
 from eurobot_od.check.recorded import suite_of
 from eurobot_od.check.report import RunFacts, StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, single_steps
-from eurobot_od.check.runs import OnBus, compared, identified, results_of
+from eurobot_od.check.runner import Interrupt
+from eurobot_od.check.runs import OnBus, compared, identified, number_of_steps, results_of
 from eurobot_od.check.suite import Suite
 from eurobot_od.errors import LocalError, look_up
 from eurobot_od.export.forms import html_of
@@ -124,7 +124,7 @@ class _Check:
         self._made = made
         self._suites = suites
         self._steps = steps
-        self._total = sum(1 for suite in suites for each in suite.steps for _ in single_steps(each, each.name))
+        self._total = sum(map(number_of_steps, suites))
         self._done = 0
 
     def run(self, job: Job) -> dict[str, Any]:

@@ -26,8 +26,18 @@ MISTAKES = {
         2,
         "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
     ),
-    "a picture in no folder": ("match|--field|nowhere/x.svg", 3, "nowhere/x.svg: No such file or directory"),
+    "a picture in no folder": (
+        "match|--field|nowhere/x.svg",
+        3,
+        "nowhere/x.svg: No such file or directory; make its folder first: nowhere",
+    ),
     "a suite with a slip": ("check|drve|--simulate", 2, "unknown suite 'drve'; did you mean drive?"),
+    "a suite of the robot for another device": (
+        "check|drive|--eds|5=servo.eds|--simulate",
+        2,
+        "drive is a suite of eurobot2014, for its own nodes: --robot eurobot2014 without --eds and --network; "
+        "for other devices: a suite of your own, --conformance, --profile",
+    ),
     "a fault with a slip": (
         "check|drive|--simulate|--fault|stop-ignord",
         2,

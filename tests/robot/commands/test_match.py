@@ -162,7 +162,7 @@ def test_a_log_in_a_missing_folder_is_one_line(capsys: pytest.CaptureFixture[str
     log = tmp_path / "missing" / f"match{suffix}"
     said = run(capsys, *SHORT, "--log", str(log))
     assert (said.status, said.out) == (3, "")
-    assert said.err == f"eurobot-od: {log}: No such file or directory\n"
+    assert said.err == f"eurobot-od: {log}: No such file or directory; make its folder first: {log.parent}\n"
 
 
 # Strategies, faults, settings, errors of the world
