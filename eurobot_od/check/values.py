@@ -153,9 +153,10 @@ class Scale(NamedTuple):
         if name in self.constants:
             return Operand(self.values.parse(str(self.constants[name])), None, self.values)
         if name not in self.saved:
-            known = sorted({*self.constants, *self.saved})
-            none = "" if known else f"; a step before it saves one, `save: {name}`, or the head has `variables:`"
-            raise LocalError(f"{UnknownName('variable', name, known)}{none}")
+            unknown = UnknownName("variable", name, sorted({*self.constants, *self.saved}))
+            if unknown.known:
+                raise unknown
+            raise LocalError(f"{unknown}; a step before it saves one, `save: {name}`, or the head has `variables:`")
         return Operand(None, name, self.values, int(match["bits"] or "0", 16))
 
 

@@ -109,7 +109,14 @@ def write_whole(file: Path, content: bytes) -> None:
     try:
         _put(file, content)
     except OSError as error:  # its own text names the temporary file, or none
-        raise OSError(error.errno, error.strerror, str(file)) from error
+        raise _with_folder(error, file) from error
+
+
+def _with_folder(error: OSError, file: Path) -> OSError:
+    """Return an error in writing a file, with what to do if the file's folder is missing."""
+    is_missing = error.errno == errno.ENOENT and not file.parent.is_dir()
+    hint = f"; make its folder first: {file.parent}" if is_missing else ""
+    return OSError(error.errno, f"{error.strerror}{hint}", str(file))
 
 
 @contextmanager
@@ -189,8 +196,7 @@ def check_writable(path: Path) -> None:
     }
     for number, applies in wrong.items():
         if applies:
-            missing = f"; make its folder first: {path.parent}" if number == errno.ENOENT else ""
-            raise OSError(number, f"{os.strerror(number)}{missing}", str(path))
+            raise _with_folder(OSError(number, os.strerror(number)), path)
 
 
 def digest_of(files: Iterable[Path | None]) -> str:
