@@ -263,7 +263,8 @@ def decode(
     sys.stdout.flush()  # so that the report comes after the lines, even in one file
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     for log in decoding.silent:
-        complain(f"no frame is in {log}")
+        if log == STANDARD_INPUT or os.stat(log).st_size:  # noqa: PTH116  # an empty file is told where it is opened
+            complain(f"no frame is in {log}")
     return ExitStatus.FOUND if strict and (decoding.damage.total or decoding.silent) else ExitStatus.FINE
 
 

@@ -213,7 +213,9 @@ WRONG = [
     (["log.log", "--message", "Move"], 2, "unknown message 'Move'; did you mean MOVES or Move Confirm or Move To"),
     (["log.log", "--node", "Hoist"], 2, "unknown node 'Hoist'; known: panel, lift, scale"),
     (["log.log", "--where", "speed>fast"], 2, "Move To: speed = 'fast' is not allowed; allowed: 0..100 %"),
+    (["log.log", "--where", "speed=>1"], 2, "'speed=>1': => is none of =, !=, <, <=, >, >="),
     (["log.log", "--where", "fast"], 2, "'fast' is not a comparison"),
+    (["log.log"], 0, "log.log: the file is empty"),
     (["log.log", "--dialect", "nowhere"], 2, "unknown dialect 'nowhere'"),
 ]
 
