@@ -28,7 +28,11 @@ SHORTEST_PART, MOST_LIKE = 3, 6
 MOST_SHOWN = 700
 """Maximum length of a list of known names in an error; longer ones are left out."""
 
-LISTED_BY = {"fault": "; `faults` lists them", **dict.fromkeys(("object", "setting"), "; `show --objects` lists them")}
+LISTED_BY = {
+    "fault": "; `faults` lists them",
+    "rule": "; docs/lint-rules.md lists them",
+    **dict.fromkeys(("object", "setting"), "; `show --objects` lists them"),
+}
 """Commands that list all names, by the kind of name."""
 
 

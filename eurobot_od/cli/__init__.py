@@ -24,7 +24,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
 from eurobot_od import errors
-from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
+from eurobot_od.cli.signature import Command, Option, Parser, bus_named, describe, summary
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
@@ -155,11 +155,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _advice(error: Exception) -> str:
     """Return what to do about an error that a lower layer cannot know; empty if nothing."""
+    if isinstance(error, errors.UnknownName) and error.kind == "node" and (bus := bus_named(str(error.name))):
+        return f"; {bus}"
     if isinstance(error, errors.UnknownName) and not error.known and error.kind in FROM_FILES:
         return "; names come from the devices' files: --eds or --network"
-    if isinstance(error, errors.DictionaryError) and error.what.startswith("not an EDS"):
-        return log_instead(error.file)
-    return ""
+    if not isinstance(error, errors.DictionaryError) or not error.what.startswith("not an EDS"):
+        return ""
+    return "; it is a DBC: --dbc names it" if error.file.lower().endswith(".dbc") else log_instead(error.file)
 
 
 def log_instead(file: str) -> str:

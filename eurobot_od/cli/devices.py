@@ -512,6 +512,10 @@ class Access:
         return Master(self.bus.open(), self.timeout, unannounced=self.largest)
 
 
+INDEX = re.compile(r"0[xX][0-9a-fA-F]{3,}(?::\w+)?")
+"""An object's index, with or without its sub-index, where a node stands."""
+
+
 def hexadecimal_node_id(text: str) -> int | None:
     """Return a node-ID that is written as 0x5 or 5h, None for any other text."""
     number = parse_number(text) if re.fullmatch(r"0[xX][0-9a-fA-F]{1,2}|[0-9][0-9a-fA-F]?[hH]", text) else None
@@ -538,7 +542,7 @@ class Target(Access):
                 raise LocalError(
                     f"{text} is a file, not a node: a node-ID 1..127 goes there; --eds names a device's file"
                 )
-            named = self.devices.names()
+            named = {} if INDEX.fullmatch(text) else self.devices.names()
             if not named:
                 raise LocalError(
                     f"{text!r} is not a node-ID 1..127, which comes first, as in `read 5 0x1018`; "

@@ -27,7 +27,7 @@ from eurobot_od.cli.options import (
     write_dcf,
 )
 from eurobot_od.cli.signature import Forms, Option
-from eurobot_od.errors import DictionaryError, LocalError, MappingError
+from eurobot_od.errors import DictionaryError, LocalError, MappingError, YamlError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.network import NodeFile, is_network, node_file, read_network
@@ -419,13 +419,16 @@ def make_eds(
     from eurobot_od.od.make import read_table
     from eurobot_od.od.make.device import device_eds, is_device_table, read_device_table
     from eurobot_od.od.make.text import changed_bits, differences, make_files, write_files
-    from eurobot_od.support.yaml_places import telling
+    from eurobot_od.support.yaml_places import START, PlacedError, Problem, placed_lines, telling
 
     # Bytes that are not UTF-8 become a character that the table refuses, with its line and column.
     source = read_whole(table).decode(errors="replace")
     if is_device_table(source):
         name = f"{table.stem}.eds"
-        texts = {name: device_eds(read_device_table(source, str(table)), name).decode()}
+        try:
+            texts = {name: device_eds(read_device_table(source, str(table)), name).decode()}
+        except PlacedError as error:
+            raise YamlError(table, placed_lines(table, [Problem(error.place or START, str(error))])) from error
         read = None
     else:
         read = read_table(source, table, loading.table_of)

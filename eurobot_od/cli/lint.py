@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -182,6 +183,8 @@ class FileChecks(NamedTuple):
     def findings(self, file: str) -> list[Finding]:
         """Check a file; raises DictionaryError if it is no device file."""
         data = read_bytes(file)
+        if not data:
+            raise DictionaryError(file, None, "the file is empty")
         device = load(data, file, self.over.patch, self.over.module)
         if not device.objects and (network := foreign_network(data)):
             raise DictionaryError(file, None, network)
@@ -238,9 +241,21 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         data, changes = in_normal_form(before, file)  # raises before anything is written
         for line, what, *_ in changes:
             print(one_line(f"{file}:{line}: {what}"))
+        if data != before and not changes:
+            print(one_line(f"{file}: {_difference(before, data)}"))
         if data != before or output:
             write_whole(Path(output or file), data)
     return ExitStatus.FINE
+
+
+SECTION = re.compile(rb"^\[([^\]\r\n]+)\]", re.MULTILINE)
+
+
+def _difference(before: bytes, after: bytes) -> str:
+    """Return how the normal form differs from a file without mistakes."""
+    old = {each.lower() for each in SECTION.findall(before)}
+    added = [f"[{each.decode()}]" for each in SECTION.findall(after) if each.lower() not in old]
+    return f"added: {', '.join(added)}" if added else "only order and spelling changed"
 
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
@@ -253,7 +268,10 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
     for each in described.nodes:
         if not each.file:
             raise FileError(files[0], f"node {each.name} names no file, and lint asks no library")
-    devices = [(each, load(read_bytes(each.file), each.file, each.patch, each.modules)) for each in described.nodes]
+    devices = []
+    for each in described.nodes:
+        with each.told():
+            devices.append((each, load(read_bytes(each.file), each.file, each.patch, each.modules)))
     members = [
         NetworkNode(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id or 0)
         for each, device in devices

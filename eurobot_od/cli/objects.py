@@ -17,7 +17,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.devices import HEARTBEAT_WAIT, Target, left_out, object_names
 from eurobot_od.cli.options import Clone, EmcyFiles, Json, Seconds, Wait, give, whole, write_dcf
-from eurobot_od.cli.signature import Option
+from eurobot_od.cli.signature import DEVICE_FILES, Option
 from eurobot_od.client import configure as configuring
 from eurobot_od.client.description import read_identity
 from eurobot_od.client.drive402 import Drive402, DriveStatus
@@ -31,7 +31,7 @@ from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import MODE_WORDS, State
 from eurobot_od.od.dcf import renumbered
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.identity import Identity
+from eurobot_od.od.identity import Identity, misfit
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import BASE_IDENTIFIER, COB_ID, FIRST, MOST_SUBS, NOT_VALID, label, parse_number
 from eurobot_od.od.words import words, written
@@ -151,6 +151,8 @@ def dump(
 
 
 def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_rate: int) -> ExitStatus:
+    if misfit(dictionary, read_identity(node)):  # in what has been reported with the file
+        raise LocalError(f"{output} is not written: {dictionary.file} describes another device")
     with bar(f"node {node.node_id}", unit=OBJECTS, late=True) as draw:
         found = configuring.dcf_of_node(node, dictionary, bit_rate // 1000, output.stem, draw)
     write_dcf(output, found.dcf)
@@ -397,7 +399,7 @@ def program(
     file: the program, as the node's maker delivers it
     number: number of the program in the node, its sub-index (1)
     no_crc: do not compare 0x1F56 with the file: in this device it is not a CRC
-    force: also a file of which the device's package says that it is no program for it
+    force: also a file that is a device's, or no program by the device's package
 
     $ program 5 firmware.bin -i socketcan -c can0
     """
@@ -405,6 +407,8 @@ def program(
     content = read_whole(file)
     if not content:
         raise LocalError(f"{file}: the file is empty")
+    if not force and file.name.lower().endswith(DEVICE_FILES):
+        raise LocalError(f"{file} is a device's file, no program; --force downloads it all the same")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:
         described = target.known_description(node)
         identity = Identity.of(described) if described else read_identity(node)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path, PurePath, PureWindowsPath
@@ -116,7 +117,18 @@ class NodeFile(NamedTuple):
     def load(self, node_id: int | None = None) -> Dictionary:
         """Load the dictionary, for another node-ID if given; raises as `Dictionary.load`."""
         name = str(self.name)  # without its place in the network file: PyYAML writes no subclasses of str
-        return self.described(Dictionary.load(self.file, node_id or self.node_id, name, self.modules, self.patch))
+        with self.told():
+            return self.described(Dictionary.load(self.file, node_id or self.node_id, name, self.modules, self.patch))
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Add to an error of the file where the network file names it."""
+        try:
+            yield
+        except FileError as error:
+            if line := getattr(getattr(self.name, "place", None), "line", None):
+                error.add_note(f"it is the file of {self.name}, line {line} of the network file")
+            raise
 
     def described(self, dictionary: Dictionary) -> Dictionary:
         """Return a dictionary with this node's units and texts."""

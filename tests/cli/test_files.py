@@ -357,3 +357,13 @@ def test_a_network_as_bus_yml_means_the_same(tmp_path: Path) -> None:
         assert {each: one.default(each) for each in one.addresses()} == {
             each: other.default(each) for each in other.addresses()
         }
+
+
+def test_a_wrong_object_of_a_devices_table_is_told_with_its_place(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    table = tmp_path / "hoist.yaml"
+    table.write_text("device: {product: hoist}\nobjects:\n  0x2001: {ParameterName: A}\n")
+    said = run(capsys, "make-eds", str(table), "-o", str(tmp_path))
+    wrong = "0x2001: the file has no 0x2001, and a new one needs DataType and AccessType"
+    assert said == (2, "", f"{table}:3:3: {wrong}\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -93,6 +94,15 @@ def test_fix_writes_the_repaired_file(
     assert Path(written).read_text() == commented
     assert main(["lint", written, "--fix"]) == 0
     assert capsys.readouterr().out == ""
+
+
+def test_fix_says_what_it_has_added_to_a_file_without_mistakes(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    bare = tmp_path / "bare.eds"
+    bare.write_text(re.sub(r"\[Comments\][^\[]*", "", Path(CLEAN).read_text()))
+    assert main(["lint", "--fix", str(bare)]) == 0
+    assert capsys.readouterr().out == f"{bare}: added: [Comments]\n"
 
 
 WRONG_FIXES = [(["none.eds"], 2), ([CLEAN, OLD, "-o", "x.eds"], 2), ([str(SAMPLES)], 2)]

@@ -23,6 +23,9 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "nodes:\n  lift: {file: lift.eds, node_id: 5}\n  door: {file: lift.eds, node_id: 5}\n"
     )
     (tmp_path / "frames.txt").write_text("(1.0) can0 705#05\n")
+    (tmp_path / "plant.dbc").write_text('VERSION ""\n\nBS_:\n\nBU_: lift\n\nBO_ 5 A: 1 lift\n')
+    (tmp_path / "empty.eds").write_bytes(b"")
+    (tmp_path / "gone.yaml").write_text("nodes:\n  lift: {file: lift.eds, node_id: 5}\n  door: {file: lft.eds}\n")
     (tmp_path / "damaged.blf").write_bytes(b"LOGG" + bytes(range(256)))
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
     monkeypatch.chdir(tmp_path)
@@ -178,6 +181,51 @@ MISTAKES = {
         "decode|frames.txt|705:7FF",
         2,
         "705:7FF: No such file or directory; a filter is --message, --node or --where; monitor has --filter 705",
+    ),
+    "a DBC as a log": ("decode|plant.dbc|frames.txt", 2, "plant.dbc: not a known log; it is a DBC: --dbc names it"),
+    "a DBC as a device's file": (
+        "decode|frames.txt|--eds|plant.dbc",
+        2,
+        "plant.dbc: not an EDS: it describes no object; it is a DBC: --dbc names it",
+    ),
+    "an empty file of a device": ("lint|empty.eds", 2, "empty.eds: the file is empty"),
+    "a rule that there is not": (
+        "lint|--explain|W999",
+        2,
+        "unknown rule 'W999'; 237 are known, and none is like it; docs/lint-rules.md lists them",
+    ),
+    "a network's file that is not there": (
+        "lint|--network|gone.yaml",
+        2,
+        "lft.eds: No such file or directory; did you mean lift.eds?; "
+        "it is the file of door, line 3 of the network file",
+    ),
+    "... to show": (
+        "show|--network|gone.yaml",
+        2,
+        "lft.eds: No such file or directory; did you mean lift.eds?; "
+        "it is the file of door, line 3 of the network file",
+    ),
+    "a node-ID after its file": (
+        "show|--eds|lift.eds=5",
+        2,
+        "lift.eds=5: No such file or directory; write 5=lift.eds",
+    ),
+    "an object before its node": (
+        "read|0x2000:1|5|--eds|lift.eds|-i|virtual",
+        2,
+        "'0x2000:1' is not a node-ID 1..127, which comes first, as in `read 5 0x1018`; "
+        "for names there are --eds, --network and --robot",
+    ),
+    "a device's file as a program": (
+        "program|5|lift.eds|-i|virtual",
+        2,
+        "lift.eds is a device's file, no program; --force downloads it all the same",
+    ),
+    "a channel as a node": (
+        "--robot|none|watch|can0|-i|virtual",
+        2,
+        "unknown node 'can0'; the bus is -i socketcan -c can0",
     ),
     "a channel as a log": (
         "monitor|can0",

@@ -417,6 +417,14 @@ def test_the_dcf_of_a_live_node(run: Run, lift: str, tmp_path: Path) -> None:
     assert run(lift, "configure", "2", str(file), "--dry-run")[0] == 0
 
 
+def test_no_dcf_is_written_by_the_eds_of_another_device(run: Run, lift: str, tmp_path: Path) -> None:
+    other, file = tmp_path / "other.eds", tmp_path / "other.dcf"
+    other.write_text(re.sub(r"(\[1018sub2\][^\[]*DefaultValue=)\S+", r"\g<1>77", LIFT.read_text()))
+    status, out, err = run(lift, "dump", "2", "--eds", str(other), "-o", str(file))
+    assert (status, out, file.exists()) == (2, "", False)
+    assert err.endswith(f"{file} is not written: {other} describes another device\n")
+
+
 def test_values_that_fit_no_line_are_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
     eds, file = tmp_path / "lift.eds", tmp_path / "live.dcf"
     eds.write_bytes(in_normal_form((LIFT.read_text() + FILES).encode())[0])  # which lists the object, too

@@ -18,11 +18,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
+from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.od import values
-from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.document import BIT_RATES, Document
 from eurobot_od.od.editing import Change, edited, mapped, profile, said
 from eurobot_od.od.values import plain_number
 from eurobot_od.support.declared import Within
+from eurobot_od.support.yaml_places import PlacedError
 from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of
 
 DEVICE_TYPES = {"401": 0x000F0191, "402": 0x00020192}
@@ -67,7 +69,7 @@ def read_device_table(text: str, file: str) -> DeviceTable:
 
 
 def device_eds(table: DeviceTable, file_name: str) -> bytes:
-    """Return the EDS for a table; raises DictionaryError, LocalError for an impossible object."""
+    """Return the EDS for a table; raises PlacedError for an impossible object, otherwise as `edited`."""
     device = table.device
     identity = (device.vendor_number, device.product_number, device.revision_number)
     by_profile = (DEVICE_TYPES[each] for each in table.profiles if each in DEVICE_TYPES)
@@ -76,10 +78,22 @@ def device_eds(table: DeviceTable, file_name: str) -> bytes:
     changes: list[Change] = [
         *map(profile, table.profiles),
         *(said(target, {"DefaultValue": f"0x{number:08X}"}) for target, number in numbers.items()),
-        *(said(target, entries) for target, entries in table.objects.items()),
+        *(_placed(target, said(target, entries)) for target, entries in table.objects.items()),
         *(mapped(pdo, objects) for pdo, objects in table.pdos.items()),
     ]
     return edited(_head(table, file_name).encode(), file_name, changes)
+
+
+def _placed(target: str, change: Change) -> Change:
+    """Return the change of an object, whose errors name its place in the table."""
+
+    def placed(document: Document) -> Document:
+        try:
+            return change(document)
+        except (DictionaryError, LocalError) as error:
+            raise PlacedError(target, str(error)) from error
+
+    return placed
 
 
 def _head(table: DeviceTable, file_name: str) -> str:

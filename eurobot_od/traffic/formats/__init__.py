@@ -99,6 +99,7 @@ LIKELY = (
     (rb"\s*<\?xml", "it is XML: export the frames as ASC or BLF from the program that made it"),
     (rb"MDF {5}", "it is MF4 with measured values alone: record the frames of the bus, too"),
     (rb"\s*\[(?i:fileinfo|deviceinfo)\]", "it is a device's file: --eds names it, as in --eds 5=FILE"),
+    (rb"\s*VERSION \"", "it is a DBC: --dbc names it"),
     (rb".*(?i:canalyser)", "it looks like IXXAT's canAnalyser: export it as ASC or CSV from there"),
 )
 """Beginnings of logs in unsupported formats, with advice."""

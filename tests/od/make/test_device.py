@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.errors import DictionaryError, LocalError, YamlError
+from eurobot_od.errors import LocalError, YamlError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
@@ -55,7 +55,7 @@ MISTAKES = [
         "thermometer.yaml:1:64: vendor_number = 'many' is not allowed",
     ),
     ("vendor_number: 0x5F", "vendor_number: -1", YamlError, r"thermometer.yaml:1:.*0x0\.\.0xFFFFFFFF"),
-    ("DefaultValue: 250", "DefaultValue: 70000", DictionaryError, r"0x1017: DefaultValue '70000': expected UNSIGNED16"),
+    ("DefaultValue: 250", "DefaultValue: 70000", LocalError, r"0x1017: DefaultValue '70000': expected UNSIGNED16"),
     ("0x6401:1", "0x1008", LocalError, "0x1008: it has no data type of a fixed length"),
     ("TPDO2", "PDO2", LocalError, "PDO2 is not a PDO; write RPDO1 or TPDO1, up to 512"),
     ("401]", "999]", LocalError, "unknown profile '999'; known: 301, 401, 402"),
