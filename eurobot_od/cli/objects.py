@@ -152,7 +152,7 @@ def dump(
 
 def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_rate: int) -> ExitStatus:
     if misfit(dictionary, read_identity(node)):  # in what has been reported with the file
-        raise LocalError(f"{output} is not written: {dictionary.file} describes another device")
+        raise LocalError(f"{output} is not written: {dictionary.file} is not its file")
     with bar(f"node {node.node_id}", unit=OBJECTS, late=True) as draw:
         found = configuring.dcf_of_node(node, dictionary, bit_rate // 1000, output.stem, draw)
     write_dcf(output, found.dcf)

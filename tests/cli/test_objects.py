@@ -422,7 +422,7 @@ def test_no_dcf_is_written_by_the_eds_of_another_device(run: Run, lift: str, tmp
     other.write_text(re.sub(r"(\[1018sub2\][^\[]*DefaultValue=)\S+", r"\g<1>77", LIFT.read_text()))
     status, out, err = run(lift, "dump", "2", "--eds", str(other), "-o", str(file))
     assert (status, out, file.exists()) == (2, "", False)
-    assert err.endswith(f"{file} is not written: {other} describes another device\n")
+    assert err.endswith(f"{file} is not written: {other} is not its file\n")
 
 
 def test_values_that_fit_no_line_are_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
