@@ -249,7 +249,6 @@ def test_a_fault_is_named_and_a_long_match_is_told(
     said = run(capsys, "match", "--for", "90min", "--fault", "stop-ignored", "--strategy", raises)
     assert said.out.splitlines()[0].endswith("EDS files: canopen; faults: stop-ignored")
     assert "--for: a match of 5400 s; robot.yaml says 90 s" in said.err
-    assert "--for: 90000 without a unit would be 90000 s" in run(capsys, "match", "--for", "90000").err
 
 
 def test_lines_of_the_second_robots_strategy_are_marked(
