@@ -61,8 +61,6 @@ def _meant(file: str | Path, error: Exception) -> str:
         return "; no file matches this pattern"
     if (number := re.match(r"(\d+):", name)) and os.path.exists(rest := name[number.end() :]):  # noqa: PTH110
         return f"; write {number[1]}={rest}"
-    if (number := re.search(r"=(\w+)$", name)) and os.path.isfile(rest := str(file)[: -len(number[0])]):  # noqa: PTH113
-        return f"; write {number[1]}={rest}"
     try:
         there = os.listdir(folder or ".")  # noqa: PTH208
     except OSError:  # the folder does not exist either

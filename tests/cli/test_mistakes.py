@@ -206,11 +206,6 @@ MISTAKES = {
         "lft.eds: No such file or directory; did you mean lift.eds?; "
         "it is the file of door, line 3 of the network file",
     ),
-    "a node-ID after its file": (
-        "show|--eds|lift.eds=5",
-        2,
-        "lift.eds=5: No such file or directory; write 5=lift.eds",
-    ),
     "an object before its node": (
         "read|0x2000:1|5|--eds|lift.eds|-i|virtual",
         2,
