@@ -385,7 +385,7 @@ def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
 # JSON
 
 
-def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
+def as_data(results: Sequence[SuiteResult], facts: RunFacts = UNTOLD) -> list[dict[str, Any]]:
     """Return the results as plain data, for JSON."""
     return [
         {
@@ -409,7 +409,7 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
                 for step in result.steps
             ],
         }
-        for result in results
+        for result in [*results, *_of_files(facts)]
     ]
 
 

@@ -143,7 +143,7 @@ def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     return Shape(read)
 
 
-def _with_0x(digits: int, shape: Shape[T]) -> Shape[T]:
+def with_0x(digits: int, shape: Shape[T]) -> Shape[T]:
     """Return a shape of a code that also refuses as many hexadecimal digits without `0x`: it would be decimal."""
 
     def read(node: yaml.Node, problems: Problems) -> T:
@@ -167,7 +167,7 @@ def _abort_code(text: str) -> int:
     return int(text, 16)
 
 
-_ABORT = _with_0x(8, converted(SCALAR, _abort_code))
+_ABORT = with_0x(8, converted(SCALAR, _abort_code))
 ABORTS = _or_any(converted(shapes.one_or_more(_ABORT), suite.AbortCodes), suite.AbortCodes(()))
 
 
@@ -179,7 +179,7 @@ class ServiceShapes:
         self.node_key = Key(shapes.named(words.dictionaries, "node"))
         self.nodes = len(words.nodes)
         code_range = Within(0, 0xFFFF)  # (CiA 301, 7.2.7)
-        number: Shape[Any] = _with_0x(4, shapes.within(NUMBER, code_range, "error code"))
+        number: Shape[Any] = with_0x(4, shapes.within(NUMBER, code_range, "error code"))
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         self.heartbeat: Shape[suite.Pattern] = self.service("state", state, self._heartbeat)

@@ -121,7 +121,7 @@ class CheckReport:
     def give(self, made: Made, results: Sequence[SuiteResult], facts: RunFacts) -> None:
         """Print the failures again and the summary, or the whole report in another form; write the files."""
         if self.as_json:
-            print(json.dumps(report.as_data(results), indent=2))
+            print(json.dumps(report.as_data(results, facts), indent=2))
         elif self.ctt:
             from eurobot_od.check.conformance.page import lines
 

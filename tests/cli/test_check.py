@@ -211,6 +211,8 @@ def test_a_file_that_is_not_read_whole_is_said_wherever_the_result_is(capsys: py
     suites = [(each.name, each.tests, each.failures) for each in JUnitXml.fromfile("own.xml")]
     assert suites == [("own", 1, 0), ("the file odd.eds", 1, 1)]
     assert "0x2300" in Path("own.xml").read_text()
+    *_, files = json.loads(run(capsys, "check", *words.split(), "--json").out)
+    assert (files["name"], files["steps"][0]["status"]) == ("the file odd.eds", "failed")
 
 
 @pytest.mark.usefixtures("folder")

@@ -586,6 +586,7 @@ STEPS = {
         "  - sdo: {read: 0x5000, abort: 06020000}\n",
         "5:32: '06020000' is hexadecimal; did you mean 0x06020000?",
     ),
+    "an identifier without 0x": ("  - unheard: 705\n", "5:14: '705' is hexadecimal; did you mean 0x705?"),
     "a span forgotten": ("  - never: Move Confirm\n", "5:5: key 'for' is missing: how long none may come"),
     "a period forgotten": (
         "  - poll: {send: Move State Request}\n    until: {Move State Response: {time: 0}}\n",

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from eurobot_od.check import suite
 from eurobot_od.check.bench import SeenFrame
-from eurobot_od.check.shapes import COUNT, DURATION, NAME, SOME_TIME, WITHIN, ActionRow, DocumentShapes
+from eurobot_od.check.shapes import COUNT, DURATION, NAME, SOME_TIME, WITHIN, ActionRow, DocumentShapes, with_0x
 from eurobot_od.check.suite import FramePattern, Mismatch, Order, Pattern, Patterns, Sent, ServicePattern, is_final
 from eurobot_od.check.tester import LATEST, BenchTester, Failed, Skipped
 from eurobot_od.frame import HIGHEST_IDENTIFIER
@@ -334,7 +334,8 @@ class Unheard(NamedTuple):
     @staticmethod
     def row(_: DocumentShapes) -> ActionRow:
         """Return the row for the table of actions."""
-        return ActionRow(yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier"), Unheard)
+        identifier = yaml_shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
+        return ActionRow(with_0x(3, identifier), Unheard)
 
 
 class Save(NamedTuple):
