@@ -96,7 +96,7 @@ def stored() -> list[bytes]:
 
 READING = (
     "decode FILE",
-    "decode --statistics --json FILE",
+    "decode --statistics FILE",
     "monitor --plain --speed max FILE",
     "field FILE -o OUT.svg",
 )

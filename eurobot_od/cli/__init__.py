@@ -145,30 +145,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(error, errors.YamlError):
             # One line per problem, each beginning with its place, for editors.
             print(error, file=sys.stderr)
+            if advice := log_instead(error.file):
+                complain(f"{error.file}: {advice}")
             return ExitStatus.WRONG_INPUT
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # the file first, as in our own errors
-        complain("; ".join([f"{what}{_advice(error)}", *getattr(error, "__notes__", ())]))
+        complain("; ".join(filter(None, [what, _advice(error), *getattr(error, "__notes__", ())])))
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
 
 
 def _advice(error: Exception) -> str:
     """Return what to do about an error that a lower layer cannot know; empty if nothing."""
     if isinstance(error, errors.UnknownName) and error.kind == "node" and (bus := bus_named(str(error.name))):
-        return f"; {bus}"
+        return bus
     if isinstance(error, errors.UnknownName) and not error.known and error.kind in FROM_FILES:
-        return "; names come from the devices' files: --eds or --network"
+        return "names come from the devices' files: --eds or --network"
     if not isinstance(error, errors.DictionaryError) or not error.what.startswith("not an EDS"):
         return ""
-    return "; it is a DBC: --dbc names it" if error.file.lower().endswith(".dbc") else log_instead(error.file)
+    return "it is a DBC: --dbc names it" if error.file.lower().endswith(".dbc") else log_instead(error.file)
 
 
 def log_instead(file: str) -> str:
     """Return what to do with a file that is a log and no EDS; empty if it is neither."""
     from eurobot_od.traffic.formats import is_log  # here, as most commands read no log
 
-    return "; it is a log: decode shows it, diagnose judges it" if is_log(file) else ""
+    return "it is a log: decode shows it, diagnose judges it" if is_log(file) else ""
 
 
 def expanded(words: Sequence[str]) -> list[str]:

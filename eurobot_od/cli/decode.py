@@ -224,8 +224,8 @@ def decode(
     since: Moment = 0.0,
     until: Moment = inf,
     relative: bool = False,
-    statistics: bool = False,
-    bitrate: BitRate = options.BIT_RATE,
+    statistics: Annotated[bool, Option(either="form")] = False,
+    bitrate: BitRate | None = None,
     strict: bool = False,
     devices: Devices,
     names: FrameNames,
@@ -246,12 +246,14 @@ def decode(
     $ decode run.log --eds 5=motor.eds
     $ decode run.log --statistics
     """
+    if bitrate and not statistics:
+        raise LocalError("--bitrate is for --statistics")
     decoder = decoder_for(logs, reading, devices, names)
     several = len(logs) > 1
     if statistics:
         from eurobot_od.traffic.statistics import TrafficOutput  # here, as decoding does not need it
 
-        output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
+        output: Output = TrafficOutput(bitrate or options.BIT_RATE, devices.promised(decoder), several)
     else:
         output = _output(decoder, as_json, as_csv, several)
     decoding = Decoding(decoder, output, filters.wanted(decoder), Window(since, until, relative))

@@ -192,8 +192,9 @@ class FileChecks(NamedTuple):
         if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
             from eurobot_od.od.network import is_network  # imports dictionaries, which a check does without
 
-            hint = f"; a network file is checked by lint --network {file}" if is_network(file) else ""
-            raise DictionaryError(file, None, f"not an EDS: it has no section of one{hint or log_instead(file)}")
+            hint = f"a network file is checked by lint --network {file}" if is_network(file) else ""
+            what = "not an EDS: it has no section of one"
+            raise DictionaryError(file, None, "; ".join(filter(None, [what, hint or log_instead(file)])))
         return lint_device(device, file, self.stack)
 
 
@@ -339,6 +340,8 @@ def diff(
 
     if node is not None:
         check_node_id(node)
+    if right and (bus.interface or bus.channel):
+        raise LocalError(f"two files, or a file and a live node: leave out -i and -c, or {right}")
     device = read_device(left)
     if right:
         found = compare(device, read_device(right), node, names)

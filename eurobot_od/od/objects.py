@@ -273,6 +273,10 @@ RAW_VALUE = "raw:"
 """Prefix of a raw value of an object with a unit, factor or offset."""
 
 
+WITH_UNIT = re.compile(r"\s*-?\d[\d.]*\s*[^\W\d]+\s*")
+"""A number with a unit."""
+
+
 def parse(variable: ODVariable, text: str) -> Value:
     """Parse a text into a raw value of a variable's type; a number if the type is unknown.
 
@@ -293,6 +297,8 @@ def parse(variable: ODVariable, text: str) -> Value:
         return _raw_of(variable, scale, text.strip().removesuffix(scale.unit).strip())
     except (ValueError, OverflowError):
         unit = f" in {scale.unit}" if scale.unit else ""
+        if not unit and is_number and WITH_UNIT.fullmatch(text):
+            unit = " without a unit"
         raise not_allowed(variable, text, f"{form.allowed}{unit}") from None
 
 

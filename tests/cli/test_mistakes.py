@@ -247,6 +247,16 @@ MISTAKES = {
         2,
         "a log or a bus, not both: leave out -i and -c, or frames.txt",
     ),
+    "two files and a bus": (
+        "diff|lift.eds|lift.eds|-i|virtual",
+        2,
+        "two files, or a file and a live node: leave out -i and -c, or lift.eds",
+    ),
+    "a bit rate of frames that are not counted": (
+        "decode|frames.txt|-b|250000",
+        2,
+        "--bitrate is for --statistics",
+    ),
     "a bus and an option of logs": (
         "monitor|--speed|10|-i|virtual",
         2,
@@ -388,6 +398,10 @@ USAGES = {
     "a bus where logs are read": (
         "decode|-i|virtual",
         "unrecognized arguments: -i; it reads logs: monitor, diagnose and serve take a bus",
+    ),
+    "a table as JSON": (
+        "decode|frames.txt|--statistics|--json",
+        "argument --json: not allowed with argument --statistics",
     ),
     "a channel without its option": ("scan|can0", "unrecognized arguments: can0; the bus is -i socketcan -c can0"),
     "a node as an option": (
@@ -609,3 +623,11 @@ def test_a_mistake_in_yaml(text: str, printed: list[str], capsys: pytest.Capture
     Path("mine.yaml").write_text(text)
     lines = "".join(f"mine.yaml:{line}\n" for line in printed)
     assert run(capsys, "check", "mine.yaml", "--simulate") == Said(cli.ExitStatus.WRONG_INPUT, "", lines)
+
+
+def test_a_log_as_a_suite_is_told_as_one(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", "frames.txt", "--simulate")
+    assert (said.status, said.complaint) == (
+        2,
+        "eurobot-od: frames.txt; it is a log: decode shows it, diagnose judges it",
+    )

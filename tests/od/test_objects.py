@@ -110,6 +110,7 @@ def test_a_value_of_each_type_there_and_back(data_type: int, text: str, data: st
         (typed(datatypes.UNSIGNED16, 5, 10), "11", "5..10"),  # above HighLimit
         (typed(datatypes.UNSIGNED8), "fast", "an integer"),
         (typed(datatypes.UNSIGNED8), "1.5", "an integer"),
+        (typed(datatypes.UNSIGNED8), "1 s", "an integer without a unit"),  # the file says none
         (typed(datatypes.UNSIGNED8), "010", "an integer"),  # neither octal nor decimal for sure
         (typed(datatypes.REAL32), "fast", "a number"),
         (typed(datatypes.REAL32), "1e99", "a number"),  # too large for 32 bits
