@@ -629,5 +629,5 @@ def test_a_log_as_a_suite_is_told_as_one(capsys: pytest.CaptureFixture[str]) -> 
     said = run(capsys, "check", "frames.txt", "--simulate")
     assert (said.status, said.complaint) == (
         2,
-        "eurobot-od: frames.txt; it is a log: decode shows it, diagnose judges it",
+        "eurobot-od: frames.txt: it is a log: decode shows it, diagnose judges it",
     )
