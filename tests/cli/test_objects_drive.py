@@ -165,7 +165,7 @@ NODE_WRONG = [
     (["--travel", "5..-5"], "argument --travel: '5..-5': LOW..HIGH in turns"),
     (["--travel", "nan..1"], "argument --travel: 'nan..1': LOW..HIGH in turns"),
     (["--travel", "0..1", "--profile", "none"], "--travel is for drives (CiA 402)"),
-    (["--fault", "overcurrent", "--profile", "none"], "the fault overcurrent is one of the drive"),
+    (["--fault", "overcurrent", "--profile", "none"], "the fault overcurrent is one of drives of CiA 402"),
 ]
 
 
