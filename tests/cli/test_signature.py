@@ -119,7 +119,7 @@ WRONG = [
     (
         "5 --wings=2",
         "unrecognized arguments: --wings=2; its options: --channel, --bitrate, --colour, --level, --speed, --verbose, "
-        "--for, --set, --number, --share, --objects, --pair, --one, --other; write do NODE FILES",
+        "--for, --set, --number, --share, --objects, --pair, --one, --other",
     ),
 ]
 
