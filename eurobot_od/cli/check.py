@@ -191,7 +191,7 @@ def check(
         checks.check_faults(suites)
         beyond = above(suites, checks.level) if checks.level else []
         if not checks.simulate:
-            checks.bus.check_named()
+            checks.bus.check_named("; --simulate needs none")
             checks = checks.as_spoken(suites, report)
         facts = facts._replace(devices=checks.identified(suites, report))
         with interrupt.by_ctrl_c():
@@ -363,6 +363,8 @@ class Checks:
                 raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
             if device := next((each for each in self.files if Path(each).suffix.lower() in SUFFIXES), None):
                 raise LocalError(f"{device} is a device's file, not a suite; write --conformance --eds 5={device}")
+            if program := next((each for each in self.files if each.endswith(".py")), None):
+                raise LocalError(f"{program} is a Python program, not a suite: a suite is YAML")
             read = reader.read_files(files)
         return chosen(read, self.tag, self.step)
 

@@ -171,13 +171,13 @@ class BusOptions:
         rate = f"at {named['bitrate']} bit/s" if "bitrate" in named else ""
         return " ".join([*(str(named[key]) for key in ("interface", "channel") if key in named), rate]).strip()
 
-    def check_named(self) -> None:
-        """Check that a bus is named; raises LocalError with a clearer text than python-can's."""
+    def check_named(self, instead: str = "") -> None:
+        """Check that a bus is named; raises LocalError with a clearer text than python-can's, and what else would do."""
         from eurobot_od.bus import live  # here, as importing it takes longer than a command for files
 
         if not live.is_named(self.interface):
             here = ", ".join(map(str, live.here())) or "none (`doctor` says more)"
-            raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
+            raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}{instead}")
 
     def open(self) -> can.BusABC:
         """Open the bus; raises LocalError, BusError."""
