@@ -172,7 +172,7 @@ class BusOptions:
         return " ".join([*(str(named[key]) for key in ("interface", "channel") if key in named), rate]).strip()
 
     def check_named(self, instead: str = "") -> None:
-        """Check that a bus is named; raises LocalError with a clearer text than python-can's, and what else would do."""
+        """Check that a bus is named; raises LocalError, which is clearer than python-can's and ends with `instead`."""
         from eurobot_od.bus import live  # here, as importing it takes longer than a command for files
 
         if not live.is_named(self.interface):

@@ -160,7 +160,11 @@ MISTAKES = {
         2,
         "lift.eds is a device's file, not a suite; write --conformance --eds 5=lift.eds",
     ),
-    "a program as a suite": ("check|mine.py|--simulate", 2, "mine.py is a Python program, not a suite: a suite is YAML"),
+    "a program as a suite": (
+        "check|mine.py|--simulate",
+        2,
+        "mine.py is a Python program, not a suite: a suite is YAML",
+    ),
     "an index too high": (
         "read|2|0x12345|--eds|2=lift.eds|-i|virtual",
         2,
@@ -506,7 +510,7 @@ def test_a_command_without_a_bus_names_the_option(words: list[str], capsys: pyte
 
 
 def test_a_check_without_a_bus_names_the_way_without_one(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(capsys, "check").err.endswith("; --simulate needs none\n")
+    assert run(capsys, "check", "--conformance", "--eds", "2=lift.eds").err.endswith("; --simulate needs none\n")
 
 
 # YAML: a suite's text, and all that is printed; steps stand below HEAD, from line 5 on
