@@ -16,7 +16,7 @@ from eurobot_od import loading
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, assigned, counted, span
+from eurobot_od.cli.options import LONG_RUN, BusOptions, Campaign, Faults, Json, assigned, counted, span_below
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -51,7 +51,7 @@ def _seeds(text: str) -> range:
 
 def _match_time(text: str) -> float:
     """Parse a time in a match; raises LocalError."""
-    seconds = span(text)
+    seconds = span_below(LONG_RUN)(text)
     if not seconds:
         raise LocalError(f"a time of {text} is not above 0")
     return seconds

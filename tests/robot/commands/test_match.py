@@ -305,6 +305,7 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--emergency-at", "-1"], "argument --emergency-at: '-1 s' is not a duration"),
         (["--emergency-at", "nan"], "argument --emergency-at: 'nan' is not a duration"),
         (["--for", "inf"], "argument --for: 'inf' is not a duration"),
+        (["--for", "90000"], "argument --for: 90000 without a unit would be 90000 s; write 90000ms, or 90000s"),
         (["--enemies", "3"], "argument --enemies: unknown value '3'; known: 0, 1, 2"),
         (["--confederates", "2"], "argument --confederates: unknown value '2'; known: 0, 1"),
         (["--team", "blue"], "argument --team: unknown value 'blue'; known: yellow, red"),
