@@ -64,7 +64,7 @@ GREEN = "spec: 1\nname: it is there\nnode: drive\nsteps:\n  - sdo: {read: 0x1000
 HOOKS = [
     # (hook, a file that it takes, its text, exit status)
     ("eurobot-od-lint", "drive.EDS", (ROOT / "eds/canopen/drive.eds").read_text(), 0),
-    ("eurobot-od-lint", "drive.dcf", "", 1),
+    ("eurobot-od-lint", "drive.dcf", "", 2),
     ("eurobot-od-check", "drive.check.yaml", GREEN, 0),
     ("eurobot-od-check", "drive.check.yml", GREEN.replace("0x1000", "0x5000"), 1),
     ("eurobot-od-check", "drive.check.yaml", "spec: 2", 2),
