@@ -177,7 +177,8 @@ class Cell(NamedTuple):
     live: bool = False
 
     def __str__(self) -> str:
-        return f"{self.what} {self.how}, navigation {self.navigation}, again after {self.again:g} s"
+        when = f"at {self.time:.3f} s, seed {self.seed}"
+        return f"{self.what} {self.how}, navigation {self.navigation}, again after {self.again:g} s, {when}"
 
     @property
     def has_to_go_on(self) -> bool:
@@ -595,7 +596,7 @@ def run_all(
     print(*table(results), sep="\n")
     print()
     wrong = [each for each in results if each.wrong]
-    print(*(f"{each.cell} at {each.cell.time:.3f} s, seed {each.cell.seed}: {each.wrong}" for each in wrong), sep="\n")
+    print(*(f"{each.cell}: {each.wrong}" for each in wrong), sep="\n")
     print(in_one_line(results))
     return WRONG if wrong else FINE
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager
@@ -166,8 +166,12 @@ def run(
 ) -> Generator[ResultT, None, None]:
     """Yield the result of `do` for each item, in order; `do` and everything it needs is sent to the workers.
 
-    Raises ChildProcessError if a process of this machine dies, and everything that `do` raises.
+    An item's text is its name. Raises ValueError for two items of one name before the first is done, ChildProcessError
+    if a process of this machine dies, and everything that `do` raises.
     """
+    named = Counter(map(str, items))
+    if doubled := [name for name, number in named.items() if number > 1]:
+        raise ValueError(f"{named[doubled[0]]} items are called {doubled[0]!r}")
     done = {} if results is None else results.known(items)
     left = [item for item in items if str(item) not in done]
     # From the items that are left, so that a campaign resumed near its end keeps all workers busy.

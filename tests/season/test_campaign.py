@@ -49,6 +49,13 @@ def test_results_come_in_order_from_any_executor(count: int) -> None:
             assert list(campaign.run(square, range(count), who)) == squares(*range(count))
 
 
+def test_items_of_one_name_are_refused_before_the_first_is_done() -> None:
+    done: list[int] = []
+    with pytest.raises(ValueError, match="^2 items are called '1'"):
+        list(campaign.run(done.append, [0, 1, 1], HERE))
+    assert done == []
+
+
 def test_processes_give_the_same_results_in_order() -> None:
     with local(2) as processes:
         assert list(campaign.run(square, range(9), processes)) == squares(*range(9))

@@ -46,6 +46,7 @@ def test_the_robot_stops_and_all_calls_end(cell: Cell, dialect: str) -> None:
 
 def test_every_message_and_every_loss_has_its_cells() -> None:
     cells = list(loss_matrix.cells(dialects.DEFAULT, 3))
+    assert len({*map(str, cells)}) == len(cells)  # a campaign keeps results by the names of their cells
     causes = 2 * 4 + 1 + 3 * 6 + 4 + 23
     assert len(cells) == len(set(cells)) == 6 * (23 * 8 + causes * 3) + 2 * 4 * 3 + 3
 
