@@ -64,7 +64,9 @@ class PluginKind(NamedTuple):
 
         package = name.partition(".")[0]
         if not package.isidentifier() or find_spec(package) is None:
-            raise UnknownName(self.what, name, self.installed())
+            unknown = UnknownName(self.what, name, self.installed())
+            unknown.add_note(f"no folder with a {self.file} is called so here")
+            raise unknown
         return self.imported(name, name, name)
 
     def imported(self, target: str, name: str, file: str) -> Plugin:

@@ -51,7 +51,16 @@ from eurobot_od.od import DEFAULT, network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity, absence
 from eurobot_od.od.standard import LssState
-from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
+from eurobot_od.od.values import (
+    ALL_NODES,
+    BASE_IDENTIFIER,
+    NMT_COB_ID,
+    RESTRICTED,
+    SYNC_COB_ID,
+    TIME_COB_ID,
+    owner,
+    parse_number,
+)
 from eurobot_od.plugin import Plugins
 from eurobot_od.support.progress import Unit, bar
 from eurobot_od.support.texts import columns, one_line
@@ -334,6 +343,8 @@ def _identifier(text: str) -> int:
     number = parse_number(text)
     if number is None or number.relative or not 0 <= number.value <= BASE_IDENTIFIER:
         raise LocalError(f"{text!r} is not an 11-bit identifier")
+    if taken := owner(number.value, RESTRICTED):
+        raise LocalError(f"{text} is restricted to {taken.whose(number.value)} (CiA 301, 7.3.5)")
     return number.value
 
 

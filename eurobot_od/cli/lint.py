@@ -66,10 +66,12 @@ class LintReport:
     strict: bool = False
 
     def check(self) -> None:
-        """Check that each prefix fits a rule's code; raises UnknownName."""
+        """Check that each prefix fits a rule's code; raises LocalError."""
         prefixes = (*self.select, *self.ignore)
         rules = _rules() if prefixes else {}
         for prefix in prefixes:
+            if prefix.isalpha() and len(prefix) > 1:  # a word, in capitals here
+                raise LocalError(f"{prefix} begins no rule's code: write E for errors, W for warnings, or such as W447")
             if not any(code.startswith(prefix) for code in rules):
                 raise UnknownName("rule", prefix, rules)
 

@@ -151,6 +151,8 @@ def dump(
 
 
 def _write_dcf_of(node: RemoteNode, dictionary: Dictionary, output: Path, bit_rate: int) -> ExitStatus:
+    if output.suffix.lower() not in ("", ".dcf", ".eds"):
+        raise LocalError(f"{output} would be a DCF: write {output.with_suffix('.dcf')}")
     if misfit(dictionary, read_identity(node)):  # in what has been reported with the file
         raise LocalError(f"{output} is not written: {dictionary.file} is not its file")
     with bar(f"node {node.node_id}", unit=OBJECTS, late=True) as draw:
@@ -532,11 +534,12 @@ def drive(
     with target.opened() as node:
         described = target.known_description(node)
         found = Drive402(node, described, axis)
-        before = _status_of(node, described, axis) if action in (*WATCHED, "status") else None
+        # What takes the torque away is not delayed by a question.
+        before = None if action in ("stop", "disable") else _status_of(node, described, axis)
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)
         status = found.status
-    if before and before.state is not State.ENABLED and status.state is State.ENABLED:
+    if before and action in WATCHED and before.state is not State.ENABLED and status.state is State.ENABLED:
         stays = f"it stays so; `drive {node.node_id} disable` ends that"
         complain(f"node {node.node_id} was not enabled: `{action}` has enabled it, and {stays}")
     line = one_line(f"node {node.node_id}: {drive_as_text(status)}")

@@ -70,7 +70,7 @@ def _binding(protocol: Protocol, message: str, known: Sequence[Dictionary]) -> B
         return protocol.binding(message)
     found = next((each for each in protocol.bindings if each.cob_id == number.value), None)
     if found is None:
-        raise LocalError(f"no message has the identifier {message}")
+        raise LocalError(f"no message has the identifier {message}; `show` lists all")
     return found
 
 

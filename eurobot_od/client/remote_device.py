@@ -368,7 +368,7 @@ class NoMaster:
         raise StateError(self._why)
 
 
-UNCONNECTED: Any = NoMaster("the network is not open yet: `connect` or `async with` opens it")
+UNCONNECTED: Any = NoMaster("the network is not open: `connect`, `with` or `async with` opens it")
 DISCONNECTED: Any = NoMaster(CLOSED)
 
 

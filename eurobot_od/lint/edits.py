@@ -57,6 +57,8 @@ def _entries(words: Sequence[str]) -> dict[str, str]:
 
 def _add(words: Sequence[str]) -> list[Change]:
     target, name, *more = words
+    if more and "=" not in more[0]:
+        raise LocalError(f"{more[0]}: write KEY=VALUE; a name with spaces needs quotes: '{name} {more[0]}'")
     own = _entries(more)
     usual = {} if own.get("ObjectType", "").upper() in ("ARRAY", "RECORD") else NEW
     return [said(target, {"ParameterName": name, **usual, **own})]

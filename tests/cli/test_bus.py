@@ -91,6 +91,7 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
         (["sync", "--counter", "1"], "a counter of SYNC ends at 2 to 240, not at 1"),
         (["sync", "--period", "0 s"], "the period must be longer than 0"),
         (["sync", "--cob-id", "80"], "80 is decimal or hexadecimal; write 0x80"),
+        (["sync", "--cob-id", "0x605"], "0x605 is restricted to the SDO request of node 5 (CiA 301, 7.3.5)"),
         (["sync", "--cob-id", "0x800"], "'0x800' is not an 11-bit identifier"),
     ],
 )

@@ -25,6 +25,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "frames.txt").write_text("(1.0) can0 705#05\n")
     (tmp_path / "plant.dbc").write_text('VERSION ""\n\nBS_:\n\nBU_: lift\n\nBO_ 5 A: 1 lift\n')
     (tmp_path / "empty.eds").write_bytes(b"")
+    (tmp_path / "mine.py").write_text("async def play(core): ...\n")
     (tmp_path / "gone.yaml").write_text("nodes:\n  lift: {file: lift.eds, node_id: 5}\n  door: {file: lft.eds}\n")
     (tmp_path / "damaged.blf").write_bytes(b"LOGG" + bytes(range(256)))
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
@@ -137,6 +138,16 @@ MISTAKES = {
         "frames.txt: not an EDS: it describes no object; it is a log: decode shows it, diagnose judges it",
     ),
     "lint of what is not an EDS": ("lint|picture.png", 2, "picture.png: not an EDS: it has no section of one"),
+    "a word as a rule": (
+        "lint|--select|errors|lift.eds",
+        2,
+        "ERRORS begins no rule's code: write E for errors, W for warnings, or such as W447",
+    ),
+    "a name without quotes": (
+        "edit|lift.eds|add|0x2102|Filter|time|type=UNSIGNED8",
+        2,
+        "time: write KEY=VALUE; a name with spaces needs quotes: 'Filter time'",
+    ),
     "a rule with a slip": ("lint|--select|E3008|lift.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
     "a file with a slip": ("show|--eds|5=lif.eds", 2, "lif.eds: No such file or directory; did you mean lift.eds?"),
     "a name where a node-ID stands": ("show|--eds|lift=lift.eds", 2, "lift.eds: node-ID lift is not in 1..127"),

@@ -105,7 +105,7 @@ def test_the_dialect_may_come_from_the_environment(
     [
         (["show", "Move Tx"], "unknown message 'Move Tx'; did you mean Move To?"),
         (["show", "panel"], "panel is a device, not a message: show --objects panel lists its objects"),
-        (["show", "0x7F0"], "no message has the identifier 0x7F0"),
+        (["show", "0x7F0"], "no message has the identifier 0x7F0; `show` lists all"),
         (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: packed, plain"),
         (["show", "Move To", "--objects"], "either a message or --objects, not both"),
         (["show", __file__], f"{__file__} is a file, not a message: name it by --eds"),

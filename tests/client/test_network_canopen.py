@@ -311,8 +311,8 @@ def test_a_name_of_canopens_is_a_face_of_ours(ask: Callable[[SimulatedNetwork], 
         (lambda n: n.send_periodic(0x100, b"", 0), LocalError, "the period is a time longer than 0 s, not 0 s"),
         (lambda n: n[5].sdo.upload(0x5FFF, 0), SdoAbortedError, "node 5 refused to read 0x5FFF:0"),
         (lambda n: n.add(6).sdo.upload(0x1000, 0), SdoCommunicationError, "no answer from node 6"),
-        (lambda _: RemoteNode(5, EDS).sdo[0x1000].raw, EurobotError, "the network is not open yet: `connect`"),
-        (lambda _: Network().scan(), EurobotError, "the network is not open yet: `connect`"),
+        (lambda _: RemoteNode(5, EDS).sdo[0x1000].raw, EurobotError, "the network is not open: `connect`"),
+        (lambda _: Network().scan(), EurobotError, "the network is not open: `connect`"),
     ],
 )
 def test_an_error_is_one_line(ask: Callable[[SimulatedNetwork], object], kind: type[EurobotError], text: str) -> None:
