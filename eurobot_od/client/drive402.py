@@ -458,6 +458,8 @@ class DriveAtNode:
         The distance counts from where it is. Raises DriveError if it does not end at its target: it stands at a limit,
         or another program moves the drive.
         """
+        if not isinstance(position, int):  # before the drive is enabled
+            raise LocalError(f"a position is a whole number, not {position!r}")
         async with self._watched():
             begin = await self._read(cia402.POSITION)
             target = await self._begin_move(position, velocity, relative=relative, within=within)
@@ -513,6 +515,8 @@ class DriveAtNode:
 
     async def _turn(self, velocity: int) -> None:
         """Enable the drive and turn it at a velocity, in profile velocity mode."""
+        if not isinstance(velocity, int):
+            raise LocalError(f"a velocity is a whole number, not {velocity!r}")
         await self._begin(cia402.TARGET_VELOCITY, velocity, Mode.PROFILE_VELOCITY)
 
     async def _begin_torque(self, torque: int) -> None:

@@ -519,6 +519,8 @@ def noting(event: Event, take_in: Callable[..., Any]) -> Callable[..., Any]:
         (lambda n: n.sync("fast"), "a time is a number of seconds, not 'fast'"),
         (lambda n: n[5].pdo["TPDO1"].wait("x"), "a time is a number of seconds, not 'x'"),
         (lambda n: setattr(n[5].sdo, "RESPONSE_TIMEOUT", "x"), "a time is a number of seconds, not 'x'"),
+        (lambda n: n[5].drive402.move_to("4000"), "a position is a whole number, not '4000'"),
+        (lambda n: setattr(n[5].drive402, "velocity", 1.5), "a velocity is a whole number, not 1.5"),
         (lambda n: n.send("hello world"), "frame: identifier = 'hello world' is not allowed; allowed: 0..0x7FF"),
         (lambda n: n.send_message(0x100, bytes(9)), "is not allowed; allowed: up to 8 bytes"),
         (lambda n: n.send_message(0x100, "abc"), "frame 0x100: data = 'abc' is not allowed; allowed: up to 8 bytes"),
