@@ -87,7 +87,7 @@ WRONG_STEPS = {
     ),
     "unknown unit of an object": (
         "- sdo: {read: 0x1017, expect: ^500 s}",
-        "0x1017:0: Producer heartbeat time = '500 s' is not allowed; allowed: an integer; the unit is not known here",
+        "0x1017:0: Producer heartbeat time = '500 s' is not allowed; allowed: an integer without a unit; the unit is",
     ),
     "empty range": ("- expect: {Move State Response: {time: ^25..15}}", "'25..15' has no value: the smaller number"),
     "empty range of an object": ("- sdo: {read: 0x1017, expect: ^25..15}", "'25..15' has no value: the smaller number"),
