@@ -72,7 +72,7 @@ def test_play_moves_as_fast_as_the_wall_clock(page: Page, speed: float) -> None:
     (first, begun, _), (last, ended, button) = (page.run(watch % wait) for wait in (0, 500))
     wall = (ended - begun) / 1000
     assert last - first == pytest.approx(wall * speed, abs=TOLERANCE * speed)
-    assert button == "Pause"
+    assert button == ("Pause" if last < end(page) else "Play")  # a busy machine may have come to the end
     shown, time = page.run(f"[document.querySelector('#shown').textContent, {SHOWN}]")
     assert float(shown.split()[0]) == pytest.approx(time, abs=0.06)
 
