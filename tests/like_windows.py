@@ -28,7 +28,7 @@ NAMES = {
         *("pthread_kill", "pthread_sigmask", "setitimer", "alarm", "pause", "sigwait", "siginterrupt"),
     },
     "socket": {"AF_UNIX", "AF_CAN", "PF_CAN", "SOL_CAN_RAW", "SO_REUSEPORT", "socketpair_unix"},
-    "time": {"tzset", "clock_gettime", "CLOCK_MONOTONIC"},
+    "time": {"tzset", "clock_gettime", "pthread_getcpuclockid", "CLOCK_MONOTONIC"},
 }
 
 
