@@ -353,7 +353,7 @@ OTHERWISE_CALLED = {
     "heartbeat": "watch NODE, or write NODE 0x1017 MS for its period",
     "help": "COMMAND --help",
 }
-"""Commands of other programs, and words of ours that are no commands, with what is meant."""
+"""Our commands for those of other programs, and for words that only options and actions have."""
 
 
 def find(command: str, robot: str | None = None) -> Command:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -338,7 +337,7 @@ def _period(text: str) -> float:
 
 def _identifier(text: str) -> int:
     """Parse an 11-bit COB-ID; raises LocalError, also for `80`, which would be 0x050 where an index is hexadecimal."""
-    if re.fullmatch("[0-9]+", text):
+    if text.isdecimal():
         raise LocalError(f"{text} is decimal or hexadecimal; write 0x{text}")
     number = parse_number(text)
     if number is None or number.relative or not 0 <= number.value <= BASE_IDENTIFIER:

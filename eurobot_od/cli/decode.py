@@ -125,7 +125,7 @@ CANDUMP_FILTER = re.compile(r"[0-9A-Fa-f]{3,8}[:~][0-9A-Fa-f]{3,8}")
 
 
 def _not_a_log(word: str) -> str:
-    """Return what to write in place of a word that is no log; empty if it is not known what is meant."""
+    """Return what to write for a word that was taken for a log; empty if its meaning is unknown."""
     if CANDUMP_FILTER.fullmatch(word):
         identifier = re.split("[:~]", word)[0]
         return f"a filter is --message, --node or --where; monitor has --filter {identifier}"

@@ -554,7 +554,7 @@ def _status_of(node: RemoteNode, described: Dictionary | None, axis: int) -> Dri
         if refused.code != AbortCode.NO_OBJECT:
             raise
         said = f"{refused.request} is refused"
-        if axis > 1 and _status_of(node, described, 1):  # raises if the node is no drive at all
+        if axis > 1 and _status_of(node, described, 1):  # raises unless the node is a drive
             raise RemoteError(f"node {node.node_id} has no axis {axis}: {said}; axis 1 answers") from None
         raise RemoteError(f"node {node.node_id} is no drive of CiA 402: {said}") from None
 

@@ -16,7 +16,7 @@ from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices, completeness, object_names
 from eurobot_od.cli.options import Json, give
 from eurobot_od.cli.signature import Option
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, UnknownIdentifier, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import label, parse_number
@@ -66,12 +66,10 @@ def _binding(protocol: Protocol, message: str, known: Sequence[Dictionary]) -> B
     if message in (each.name for each in known) and plain_name(message) not in map(plain_name, protocol.names()):
         raise LocalError(f"{message} is a device, not a message: show --objects {message} lists its objects")
     number = parse_number(message)
-    if number is None:
-        return protocol.binding(message)
-    found = next((each for each in protocol.bindings if each.cob_id == number.value), None)
-    if found is None:
-        raise LocalError(f"no message has the identifier {message}; `show` lists all")
-    return found
+    try:
+        return protocol.binding(message) if number is None else protocol.binding_of(number.value)
+    except UnknownIdentifier as error:  # of the command line, not of a bus
+        raise LocalError(f"{error}; `show` lists all") from None
 
 
 # Objects
