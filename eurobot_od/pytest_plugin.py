@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 PATTERNS = ("*.check.yaml", "*.check.yml")
 """Patterns for the names of suite files."""
 
+SUFFIXES = (".yaml", ".yml")
+
 KEYS = ("eurobot_suites", "eurobot_network")
 """Keys of pytest's configuration file."""
 
@@ -79,11 +81,15 @@ def _keys(config: pytest.Config) -> list[str]:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect a suite file; patterns with a folder count from pytest's root folder."""
+    """Collect a suite file; patterns with a folder count from pytest's root folder.
+
+    A YAML file that is itself an argument is one whatever its name is.
+    """
     config = parent.config
     root = escape(str(config.rootpath))
     own = (f"{root}/{each}" if "/" in each else each for each in config.getini("eurobot_suites"))
-    is_suite = any(file_path.match(each) for each in (*PATTERNS, *own))
+    is_named = file_path.suffix in SUFFIXES and parent.session.isinitpath(file_path)
+    is_suite = is_named or any(file_path.match(each) for each in (*PATTERNS, *own))
     # A pattern such as *.yaml may match the network file, too.
     return SuiteFile.from_parent(parent, path=file_path) if is_suite and file_path != _network_path(config) else None
 

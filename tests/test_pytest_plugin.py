@@ -138,6 +138,15 @@ def test_a_pattern_of_suites_counts_from_the_folder_of_pytest(
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
 
+def test_a_suite_named_as_an_argument_needs_no_pattern(pytester: pytest.Pytester) -> None:
+    shutil.copy(MOTOR, pytester.path)
+    (pytester.path / "own.yaml").write_text(SUITE)
+    (pytester.path / "network.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    pytester.makeini("[pytest]\neurobot_network = network.yaml\n")
+    pytester.runpytest_inprocess(*PLUGIN, "own.yaml").assert_outcomes(passed=1)
+    assert pytester.runpytest_inprocess(*PLUGIN).ret == pytest.ExitCode.NO_TESTS_COLLECTED
+
+
 def test_a_suite_for_devices_that_nothing_names_says_how_to_name_them(pytester: pytest.Pytester) -> None:
     pytester.path.joinpath("own.check.yaml").write_text(SUITE)
     result = pytester.runpytest_inprocess(*PLUGIN)

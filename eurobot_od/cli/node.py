@@ -23,7 +23,7 @@ from eurobot_od.device.objects import FileStore
 from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import Waveform, read_waveforms
 from eurobot_od.device.station import OnError
-from eurobot_od.errors import LocalError, RemoteError, look_up
+from eurobot_od.errors import LocalError, RemoteError, UnknownName, look_up, meant
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import NodeFile
@@ -269,6 +269,8 @@ def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
             known = ", ".join(devices.robot.nodes)
             one_of_these = f"Name one of {known}, or give" if known else "Give"
             raise LocalError(f"which node? {one_of_these} a device's file with --eds")
+        if name not in (nodes := devices.robot.nodes) and not meant(name, [*nodes]) and devices.robot_name is None:
+            raise LocalError(f"{UnknownName('node', name, nodes)}; --robot FOLDER takes another robot's")
         dictionary = devices.robot.dialects.load(name, devices.dialect, one.node_id)
         return LoadedDevice(dictionary)
     named = {each.name or Path(each.file).stem: each for each in files}

@@ -185,14 +185,14 @@ def pdo(
     $ pdo 5 map TPDO1 Motor.Speed --eds motor.eds -i socketcan -c can0
     $ pdo 5 enable TPDO1 --eds motor.eds -i socketcan -c can0
     """
+    if action and (not name or bool(objects) is not (action == "map")):
+        form = "map TPDO1 OBJECT..." if action == "map" else f"{action} TPDO1"
+        raise LocalError(f"{action} which PDO, and what? Write `{form}`; `pdo {target.node}` lists the PDOs")
     with target.opened() as node:
         dictionary = target.needed_description(node) if action else target.description(node)
         found = _pdos_without_file(node) if dictionary is None else _present_pdos(node, dictionary)
-        if action and dictionary:
+        if action and name and dictionary:
             known = {each.key: each for each in found}
-            if not name or bool(objects) is not (action == "map"):
-                form = "map TPDO1 OBJECT..." if action == "map" else f"{action} TPDO1"
-                raise LocalError(f"{action} which PDO, and what? Write `{form}`; known: {', '.join(known)}")
             chosen = known.get(name.upper().replace(" ", ""))
             if chosen is None:
                 raise UnknownName("PDO", name, known)

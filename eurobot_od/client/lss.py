@@ -39,16 +39,21 @@ VENDORS = (0xA5A5A5A5, 0x5A5A5A5A)
 """Two vendor-IDs; a device that confirms both confirms everything."""
 
 
+SERIAL_NUMBER = standard.Lss.INQUIRE + len(Identity._fields) - 1
+"""Asks for the last part of the identity, in which devices of one type differ."""
+
+
 class LssRequest(NamedTuple):
     """A request: its command, the bytes after it, and the command of the answer (None without an answer).
 
-    A device has `patience` times as long for its answer as for others.
+    A device has `patience` times as long for its answer as for others. `to_all` waits for the answers of all devices.
     """
 
     command: standard.Lss | int
     rest: bytes = b""
     answer: standard.Lss | int | None = None
     patience: float = 1
+    to_all: bool = False
 
     @property
     def data(self) -> bytes:
@@ -310,10 +315,11 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
     """Switch one device to configuration state; return its identity, or None if it is the only one.
 
     It is the only one (`alone`), the one with an `identity`, or else the first without a node-ID. Raises RemoteError if
-    there is none.
+    there is none, or if another one answers besides the only one.
     """
     if alone:
         yield from switch(standard.LssState.CONFIGURATION)
+        yield LssRequest(SERIAL_NUMBER, answer=SERIAL_NUMBER, to_all=True)
         return None
     if identity:
         found = identity if (yield from select(identity)) else None
@@ -449,8 +455,11 @@ async def _exchange(master: Master, request: LssRequest, answers: list[bytes], w
     master.send(standard.REQUESTS, request.data)
     if request.answer is None:
         return None
-    await master.pump.steps(_wait(request, wait), lambda: any(_fitting(answers, request)))
-    answer = next(_fitting(answers, request), None)
+    await master.pump.steps(_wait(request, wait), lambda: not request.to_all and any(_fitting(answers, request)))
+    fitting = [*_fitting(answers, request)]
+    if request.to_all and len(fitting) > 1:
+        raise RemoteError(f"{len(fitting)} devices answer, so none is alone on the bus: --identity selects one")
+    answer = fitting[0] if fitting else None
     LSS_LOG.debug("answer: %s", answer.hex(" ") if answer else "none")
     return answer
 

@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Generic, Self, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, Self, TypeAlias, TypeVar
 
 import can
 import canopen
@@ -87,8 +87,17 @@ LSS_WAIT = lss.ANSWER_WAIT
 NO_BUS = 'which bus? Name interface and channel, such as "socketcan", "can0", or configure python-can'
 
 
-def _feed(bus: BusName, channel: Channel, bitrate: int | None, **options: Any) -> Feed:
-    """Open a bus by its interface, or share one that is open; raises BusError, LocalError."""
+def _feed(
+    bus: BusName,
+    channel: Channel,
+    bitrate: int | None,
+    *,
+    interface: BusName = None,
+    bustype: BusName = None,
+    **options: Any,
+) -> Feed:
+    """Open a bus by its interface, which has three names, or share one that is open; raises BusError, LocalError."""
+    bus = next((each for each in (bus, interface, bustype) if each is not None), None)
     if bus is None and not is_named(bus):
         raise LocalError(NO_BUS)
     if bus is None or isinstance(bus, str):
@@ -146,14 +155,17 @@ class NetworkOfDevices(Keyed, Generic[AnyDevice]):
         bitrate: int | None = None,
         *,
         answer_wait: float = ANSWER_WAIT,
+        interface: BusName = None,
+        bustype: BusName = None,
     ) -> Self:
         """Open a bus by python-can's names for interface and channel; `bitrate` is in bit/s.
 
-        Whatever is left out comes from python-can's configuration. A bus that is already open, or a connected
-        `canopen.Network`, is shared and stays open at the end. A node has `answer_wait` seconds for each answer. Raises
-        LocalError, BusError, an AsyncNetwork at its `async with`, which opens the bus.
+        `interface` and `bustype` are python-can's new and old name for `bus`. Whatever is left out comes from
+        python-can's configuration. A bus that is already open, or a connected `canopen.Network`, is shared and stays
+        open at the end. A node has `answer_wait` seconds for each answer. Raises LocalError, BusError, an AsyncNetwork
+        at its `async with`, which opens the bus.
         """
-        return cls._on(partial(_feed, bus, channel, bitrate), answer_wait)
+        return cls._on(partial(_feed, bus, channel, bitrate, interface=interface, bustype=bustype), answer_wait)
 
     @classmethod
     def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: Channel = None, **options: Any) -> Self:
@@ -579,7 +591,7 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
         if self.is_open and (channel, interface, bitrate, bustype) == (None,) * 4 and not options:
             return self
         self._end()
-        self._begin(ThreadedMaster(_feed(interface or bustype, channel, bitrate, **options)))
+        self._begin(ThreadedMaster(_feed(interface, channel, bitrate, bustype=bustype, **options)))
         return self
 
     @property
@@ -691,6 +703,14 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
     @classmethod
     def _on(cls, open_feed: Callable[[], Feed], answer_wait: float) -> Self:
         return cls(open_feed, answer_wait)
+
+    if not TYPE_CHECKING:  # a type checker refuses a plain `with` anyway
+
+        def __enter__(self, *_: object) -> NoReturn:
+            ours = type(self).__name__
+            raise TypeError(f"write `async with`: {ours} is for an event loop, and Network for programs that block")
+
+        __exit__ = __enter__
 
     async def __aenter__(self) -> Self:
         self._begin(LoopMaster(self._open_feed(), self._answer_wait))

@@ -18,7 +18,7 @@ from functools import partial
 from io import StringIO
 from numbers import Real
 from pathlib import Path
-from typing import IO, Any, Literal, NoReturn, Self, TypeAlias, TypeGuard, overload
+from typing import IO, TYPE_CHECKING, Any, Literal, NoReturn, Self, TypeAlias, TypeGuard, overload
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -386,6 +386,13 @@ class DeviceAtNode(streams.Keyed):
         self._pdos: streams.MappedPdos[Any]
         self._emergencies: streams.HeardEmergencies
         self._nmt: NmtOfNode
+
+    if not TYPE_CHECKING:  # a type checker refuses it anyway
+
+        def __setitem__(self, key: ObjectKey, value: object) -> NoReturn:
+            raise TypeError(f"an object is no item to set; write {self._how_to_write.format(key=key, value=value)}")
+
+    _how_to_write = "node[{key!r}].value = {value!r}"
 
     def join(self, master: Master) -> None:
         """Join an open network."""
@@ -772,6 +779,8 @@ class AsyncRemoteDevice(DeviceAtNode):
     `await drive["Profile velocity"].read()`, `await drive.configure("drive.dcf")`,
     `async for reading in drive.pdo["TPDO1"]`.
     """
+
+    _how_to_write = "await node[{key!r}].write({value!r})"
 
     def __init__(self, node_id: int, object_dictionary: DeviceFile = None, name: str = "") -> None:
         super().__init__(node_id, object_dictionary, name)

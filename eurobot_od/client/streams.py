@@ -378,7 +378,7 @@ class PdoReading(NamedTuple):
         return typed(self[name], kind, name)
 
 
-NEEDS_SYNC = ": it comes only with SYNC, see network.sync"
+NEEDS_SYNC = ": it comes only with SYNC (`network.sync`), from a node in OPERATIONAL (`nmt.start`)"
 
 
 Signal = TypeVar("Signal")

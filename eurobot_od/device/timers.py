@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from functools import partial
 from inspect import GEN_CLOSED, getgeneratorstate
 from math import inf
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
@@ -219,6 +219,11 @@ class Call(Future[Result], Generic[Result]):
     """
 
     is_wanted = False
+
+    if not TYPE_CHECKING:  # so that mypy still finds a name that no call has
+
+        def __getattr__(self, name: str) -> NoReturn:
+            raise AttributeError(f"a call has no attribute {name!r}; write (await ...).{name} for that of its result")
 
     def __await__(self) -> Generator[Any, None, Result]:
         self.is_wanted = True

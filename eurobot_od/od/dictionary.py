@@ -18,7 +18,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, meant
 from eurobot_od.od import cia401, cia402, formats, standard, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
@@ -272,7 +272,8 @@ class Dictionary:
         if node_id is None:
             if not any(index >= values.FIRST for index in self.device.objects):
                 raise DictionaryError(self.file, None, formats.no_objects(self.content))
-            raise DictionaryError(self.file, None, f"the file names no node-ID; give one, as in 5={self.file.name}")
+            how = f"give one, as in 5={self.file.name}, or in Python node_id=5"
+            raise DictionaryError(self.file, None, f"the file names no node-ID; {how}")
         if node_id not in values.NODE_IDS:
             what = f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}"
             raise DictionaryError(self.file, None, what)
@@ -387,7 +388,7 @@ class Dictionary:
         Raises DictionaryError if there is no such name.
         """
         if name not in self._by_name:
-            raise DictionaryError(self.file, None, f"no object is named {name!r}")
+            raise DictionaryError(self.file, None, f"no object is named {name!r}{meant(name, self.names)}")
         return self._by_name[name]
 
     def data_index(self, name: str) -> int | None:

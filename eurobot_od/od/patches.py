@@ -222,7 +222,7 @@ class _Patching:
         if section is None:
             section = self._new(each, index, sub, own)
         elif "objecttype" in own:
-            what = f"ObjectType: {each.target} is there; only a new one has it"
+            what = f"{each.target} exists already, with an ObjectType: `set` changes it; a new one takes a free index"
             raise self._patch.wrong(own["objecttype"].line, what)
         entries = dict(section.entries)
         replaced: tuple[str, ...] = ()  # with both a value and a file, tools would disagree

@@ -83,7 +83,8 @@ class Binding:
         own = set(self.kinds)
         if fields - own or own - set(self.defaults) - fields:  # a field with a default need not be mapped
             has, wants = (", ".join(names) or "nothing" for names in (self.layout.fields, self.kinds))
-            raise MappingError(file, pdo.mapping_index, f"{name} maps {has}; its fields are {wants}")
+            what = f"{name} maps {has}; the fields of class {self.type.__name__} are {wants}"
+            raise MappingError(file, pdo.mapping_index, what)
         # An object's limits may be wider than its mapped bits.
         ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
         self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}

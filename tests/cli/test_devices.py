@@ -89,7 +89,10 @@ def test_the_folder_s_network_file_is_the_default(capsys: pytest.CaptureFixture[
 
 # What is wrong on a command line, and the line that says so.
 WRONG = [
-    (["--eds", "motor.eds"], "motor.eds: the file names no node-ID; give one, as in 5=motor.eds"),
+    (
+        ["--eds", "motor.eds"],
+        "motor.eds: the file names no node-ID; give one, as in 5=motor.eds, or in Python node_id=5",
+    ),
     (["--eds", "128=motor.eds"], "motor.eds: node-ID 128 is not in 1..127"),
     (["--eds", "5=motor.eds", "--eds", "5=panel.eds"], "panel.eds: node-ID 5 is taken by motor.eds"),
     (["--eds", "5=gone.eds"], "gone.eds: No such file or directory; in this folder: motor.eds, panel.eds"),

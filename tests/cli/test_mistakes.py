@@ -95,6 +95,11 @@ MISTAKES = {
         "Move To: x = 5000 is not allowed; allowed: 0..3000 mm",
     ),
     "a node with a slip": ("node|lft", 2, "unknown node 'lft'; did you mean lift?"),
+    "a node of another robot": (
+        "node|gripper",
+        2,
+        "unknown node 'gripper'; known: panel, lift, scale; --robot FOLDER takes another robot's",
+    ),
     "a fault with a slip": (
         "node|lift|--fault|move-confrm-not-sent",
         2,
@@ -175,6 +180,16 @@ MISTAKES = {
         "check|mine.py|--simulate",
         2,
         "mine.py is a Python program, not a suite: a suite is YAML",
+    ),
+    "a PDO forgotten": (
+        "pdo|5|disable|-i|virtual",
+        2,
+        "disable which PDO, and what? Write `disable TPDO1`; `pdo 5` lists the PDOs",
+    ),
+    "an object that exists already": (
+        "edit|lift.eds|add|0x1017|Heartbeat|type=UNSIGNED16",
+        2,
+        "0x1017: 0x1017 exists already, with an ObjectType: `set` changes it; a new one takes a free index",
     ),
     "an index too high": (
         "read|2|0x12345|--eds|2=lift.eds|-i|virtual",

@@ -161,6 +161,15 @@ def test_a_device_that_is_taken_without_a_choice_is_told_not_to_be_the_only_one(
     assert {each.identity: each.slave.pending.node_id for each in slaves} == dict.fromkeys(identities, 255) | {ONE: 5}
 
 
+def test_the_only_device_is_refused_where_another_one_answers() -> None:
+    slaves = [LssStation(ONE), LssStation(NEXT)]
+    with wired(*slaves) as master, pytest.raises(RemoteError, match=r"^2 devices answer, .*--identity selects one$"):
+        perform(master, lss.set_up(None, True, lss.settings(node_id=5)))
+    assert [each.slave.pending.node_id for each in slaves] == [255, 255]
+    with wired(slaves[0]) as master:
+        assert perform(master, lss.set_up(None, True, lss.settings(node_id=5))) == "the only device  node-ID 5"
+
+
 @pytest.mark.parametrize(
     ("command", "error", "steps", "said"),
     [

@@ -179,7 +179,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
     (
         lambda drive: drive.pdo["TPDO1"].wait(0.1),
         NoAnswer,
-        "no TPDO1 of node 5 within 100 ms after the last one: it comes only with SYNC",
+        r"no TPDO1 of node 5 within 100 ms after the last one: it comes only with SYNC \(`network.sync`\), from a node",
     ),
     (lambda drive: drive.configure(DOCS / "motor.eds"), DictionaryError, "the file names no node-ID"),
 ]
@@ -633,6 +633,34 @@ def test_an_attribute_that_an_object_a_pdo_or_its_commands_do_not_have_is_refuse
         pdo.event_timer = 100
         assert pdo.settings == {5: 100}
         assert repr(pdo["Motor.Speed"]) == "<PdoSignal Motor.Speed in TPDO1 of node 5, last: None>"
+
+
+def test_an_object_is_not_set_as_an_item() -> None:
+    says = r"write node\['Temperature'\]\.value = 5$"
+    with simulated(MOTOR_EDS, node_id=5) as network, pytest.raises(TypeError, match=says):
+        network[5]["Temperature"] = 5  # type: ignore[index]
+    with pytest.raises(TypeError, match=r"write await node\[8192\]\.write\(5\)$"):
+        AsyncRemoteDevice(5)[0x2000] = 5  # type: ignore[index]
+
+
+OPENED: list[Callable[[str], Network]] = [
+    lambda channel: Network.open(interface="virtual", channel=channel),
+    lambda channel: Network.open(bustype="virtual", channel=channel),
+]
+
+
+@pytest.mark.parametrize("opened", OPENED)
+def test_a_bus_is_opened_by_each_name_of_its_interface(opened: Callable[[str], Network]) -> None:
+    with live_servos(5) as channel, opened(channel) as network:
+        assert [each.node_id for each in network.scan()] == [5]
+
+
+def test_a_network_for_an_event_loop_is_not_entered_by_a_plain_with() -> None:
+    with (
+        pytest.raises(TypeError, match=r"^write `async with`: AsyncNetwork is for an event loop, and Network for"),
+        AsyncNetwork.open("virtual", "nobody"),  # type: ignore[attr-defined]
+    ):
+        pass
 
 
 # By a library

@@ -294,3 +294,8 @@ def test_use_of_a_call_marks_it_as_wanted(ask: Callable[[Call[int]], object]) ->
     with suppress(TimeoutError):  # nothing is there yet
         ask(call)
     assert call.is_wanted
+
+
+def test_an_attribute_of_the_result_is_refused_before_it_is_awaited() -> None:
+    with pytest.raises(AttributeError, match=r"^a call has no attribute 'x'; write \(await \.\.\.\)\.x for that"):
+        Call[int]().x  # type: ignore[attr-defined]  # noqa: B018

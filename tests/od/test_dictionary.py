@@ -83,11 +83,13 @@ def test_has_nothing_where_the_file_has_nothing(address: tuple[int, int]) -> Non
     assert CABIN.default(address) is None
 
 
-@pytest.mark.parametrize("name", ["Motion.Control", "Moving.Control period", ""])
-def test_tells_a_name_that_no_object_has(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "near"), [("Lamp", ""), ("Moving.Control period", "; did you mean Motion.Control period?"), ("", "")]
+)
+def test_tells_a_name_that_no_object_has(name: str, near: str) -> None:
     with pytest.raises(DictionaryError) as error:
         CABIN.address(name)
-    assert str(error.value) == f"{CABIN.file}: no object is named {name!r}"
+    assert str(error.value) == f"{CABIN.file}: no object is named {name!r}{near}"
 
 
 def variables(objects: Any) -> dict[tuple[int, int], dict[str, object]]:

@@ -83,7 +83,11 @@ def test_letters_beyond_ascii_stay_the_same_bytes() -> None:
 REFUSED = [
     ([said("1017", {"DefaultValue": "70000"})], DictionaryError, "DefaultValue '70000': expected UNSIGNED16, 0..65535"),
     ([said("2103", {"HighLimit": "1"})], DictionaryError, "the file has no 2103, and a new one needs ParameterName"),
-    ([said("2100", {**FILTER, "ObjectType": "VAR"})], DictionaryError, "2100 is there; only a new one has it"),
+    (
+        [said("2100", {**FILTER, "ObjectType": "VAR"})],
+        DictionaryError,
+        "2100 exists already, with an ObjectType: `set` changes it; a new one takes a free index",
+    ),
     ([said("1017", {"Colour": "red"})], DictionaryError, "unknown key 'Colour'"),
     ([said("Nothing", {"LowLimit": "1"})], DictionaryError, "unknown object 'Nothing'"),
     ([removed("2103")], LocalError, "2103: the file does not describe it"),

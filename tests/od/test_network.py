@@ -126,7 +126,10 @@ def test_one_node_id_twice_is_refused_before_any_file_is_opened() -> None:
 
 def test_a_bare_eds_asks_for_its_node_id(tmp_path: Path) -> None:
     (tmp_path / "motor.eds").write_text(DEVICE_TYPE)
-    with pytest.raises(DictionaryError, match=r"motor\.eds: the file names no node-ID; give one, as in 5=motor\.eds$"):
+    with pytest.raises(
+        DictionaryError,
+        match=r"motor\.eds: the file names no node-ID; give one, as in 5=motor\.eds, or in Python node_id=5$",
+    ):
         load([NodeFile(str(tmp_path / "motor.eds"))])
 
 

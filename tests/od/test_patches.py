@@ -138,7 +138,10 @@ WRONG = [
     ("0x2000:1: {Default: 1}", "1: unknown key 'Default'; did you mean DefaultValue?"),
     ("0x2000:1: {LowLimit: 1, lowlimit: 2}", "1: key 'lowlimit' is given twice"),
     ("0x2000: {DefaultValue: 1}", "1: DefaultValue: 0x2000 has sub-indices, which are named as 0x2000:1"),
-    ("0x2000: {ObjectType: ARRAY}", "1: ObjectType: 0x2000 is there; only a new one has it"),
+    (
+        "0x2000: {ObjectType: ARRAY}",
+        "1: 0x2000 exists already, with an ObjectType: `set` changes it; a new one takes a free index",
+    ),
     ("Motion.Sped: {LowLimit: 1}", "1: unknown object 'Motion.Sped'"),
     ("Levels.Levels: {LowLimit: 1}", "1: 'Levels.Levels' may be 0x2002:1, 0x2002:2, 0x2002:3; write which"),
     ("0x2000:256: {LowLimit: 1}", "1: '0x2000:256': sub-index 256 is not in 0..255"),

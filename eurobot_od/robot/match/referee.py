@@ -164,6 +164,10 @@ PLACE = re.compile(r'^  File "(.+)", line ([0-9]+)', re.MULTILINE)
 """File and line of a call in a traceback."""
 
 
+UNEXPECTED = re.compile(r"^Core\.(\w+)\(\) got an unexpected keyword argument")
+"""What Python says of a parameter that a method of Core does not have."""
+
+
 def is_foreign(file: str) -> bool:
     """Return whether a file is a team's own."""
     return not file.startswith("<") and PACKAGE not in Path(file).resolve().parents
@@ -175,6 +179,9 @@ def _last_lines(error: BaseException) -> str:
     foreign = [frame for frame in told.stack if frame.line and is_foreign(frame.filename)]
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
     lines = "".join(told.format()).strip().splitlines()
+    if isinstance(error, TypeError) and (wrong := UNEXPECTED.match(str(error))):
+        _, *has = signature(getattr(Core, wrong[1])).parameters
+        lines[-1] += f"; {wrong[1]} has {', '.join(has)}"
     return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
 
 

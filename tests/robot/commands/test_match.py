@@ -234,6 +234,16 @@ def test_an_error_of_a_strategy_names_the_team_s_own_line(
     assert said.complaint.endswith("FieldError: Goto XY: x = 9999 is not allowed; allowed: 0..3000 mm")
 
 
+def test_a_parameter_that_a_goto_does_not_have_is_told_with_those_that_it_has(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    file = mine("async def play(core):\n    core.goto(9, 0, 0, velocity=50)\n")
+    said = run(capsys, *SHORT, "--strategy", str(file))
+    assert said.complaint.endswith(
+        "argument 'velocity'; goto has x, y, angle, speed, barriers, direction, route, timeout"
+    )
+
+
 def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
     said = run(capsys, *SHORT, "--against", str(mine(RAISES.replace("return", "core."))))
     assert (said.status, said.out) == (2, "")

@@ -246,7 +246,7 @@ MISTAKES = [
         "height: Annotated",
         "hight: Annotated",
         ["match"],
-        "core.eds: 0x1A06: Lift Set maps height, speed; its fields are hight, speed",
+        "core.eds: 0x1A06: Lift Set maps height, speed; the fields of class LiftSet are hight, speed",
     ),
     ("robot.py", "from lift", "from lft", ["show"], "mine/robot.py:7: ModuleNotFoundError"),
     ("eds/protocol.yaml", "0x020", "0x010", ["make-eds", "mine/eds/protocol.yaml", "-o", "eds"], "identifier 0x010 is"),
