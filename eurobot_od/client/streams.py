@@ -164,6 +164,11 @@ class StreamReader(EndlessIterator[Item]):
         self._waiting = deque[Item]()
         self.lost = 0
 
+    @property
+    def waiting(self) -> list[Item]:
+        """What `next` has not taken yet, the oldest first."""
+        return [*self._waiting]
+
     def put(self, item: Item) -> None:
         """Append an item, and drop the oldest one if there are too many."""
         if len(self._waiting) == BACKLOG:
@@ -299,6 +304,20 @@ class HeardEmergencies(Stream[Emergency]):
         if len(data) == EMCY_BYTES:
             self.push(Emergency(now, self.node_id, int.from_bytes(data[:2], "little"), data[2], data[3:]))
 
+    async def _wait(self, emcy_code: int | None, timeout: float) -> Emergency:
+        """Wait for the next emergency message, or the next with a code; raises LocalError for a code that is none."""
+        if emcy_code is None:
+            return await self._next(timeout)
+        if not isinstance(emcy_code, int):
+            raise LocalError(f"{emcy_code!r} is not an error code; write wait(timeout={emcy_code!r}) for seconds")
+        coming = self.reader()
+        await self._node.master.pump.steps(timeout, lambda: any(each.code == emcy_code for each in coming.waiting))
+        found = next((each for each in coming.waiting if each.code == emcy_code), None)
+        if found is None:
+            label = f"{self.name} 0x{emcy_code:04X} of node {self.node_id}"
+            raise NoAnswer("the last one", label, 1, timeout, self.node_id)
+        return found
+
     async def _history(self) -> History:
         """Read the node's error register and history (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
         return await read_history.steps(self._node)
@@ -314,6 +333,10 @@ class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
     def __init__(self, node: RemoteNode) -> None:
         self._log = deque[Emergency](maxlen=BACKLOG)
         super().__init__(node)
+
+    def wait(self, emcy_code: int | None = None, timeout: float = 1.0) -> Emergency:  # type: ignore[override]
+        """Wait for the next one, or the next with an error code; raises NoAnswer, BusError, LocalError."""
+        return finished(self._wait(emcy_code, timeout))
 
     history, clear = blocking(HeardEmergencies._history), blocking(HeardEmergencies._clear)
 
@@ -338,6 +361,10 @@ class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
 
 class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
     """Emergency messages of a node; `active` has the last of each code since the last `no error`."""
+
+    async def wait(self, emcy_code: int | None = None, timeout: float = 1.0) -> Emergency:  # type: ignore[override]
+        """Wait for the next one, or the next with an error code; raises NoAnswer, BusError, LocalError."""
+        return await self._wait(emcy_code, timeout)
 
     history, clear = HeardEmergencies._history, HeardEmergencies._clear
 

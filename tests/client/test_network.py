@@ -329,6 +329,18 @@ def test_emergencies_are_told_and_remembered() -> None:
         assert drive.emcy.history().entries == []
 
 
+def test_an_emergency_is_awaited_by_its_error_code() -> None:
+    with simulated(MOTOR_EDS, node_id=5) as network:
+        emcy = network[5].emcy
+        for code in (0x1000, 0x8130, 0x8210):
+            network.devices[5].raise_error(code, str(code))
+        assert emcy.wait(0x8130).code == 0x8130
+        with pytest.raises(NoAnswer, match=r"^no emergency message 0x8130 of node 5 within 500 ms after the last one$"):
+            emcy.wait(0x8130, timeout=0.5)
+        with pytest.raises(LocalError, match=r"^2\.5 is not an error code; write wait\(timeout=2\.5\) for seconds$"):
+            emcy.wait(2.5)  # type: ignore[arg-type]
+
+
 # PDOs
 
 

@@ -472,7 +472,8 @@ def test_a_call_after_the_end_says_that_the_network_is_closed(call: Callable[[Ne
     [
         lambda n: next(iter(n[5].pdo["TPDO1"])),
         lambda n: n[5].pdo["TPDO1"].wait(60),
-        lambda n: n[5].emcy.wait(60),
+        lambda n: n[5].emcy.wait(timeout=60),
+        lambda n: n[5].emcy.wait(0x8210, 60),
         lambda n: next(n.watch(6, within=60)),
         lambda n: n[5].heartbeat(60),
         lambda n: n.sleep(60),
