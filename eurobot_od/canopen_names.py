@@ -7,12 +7,12 @@ docs/canopen.md shows the table, and a test compares both packages, name by name
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.machinery import ModuleSpec
 from io import BytesIO, TextIOWrapper
 from operator import attrgetter
 from types import ModuleType
-from typing import IO, TYPE_CHECKING, Any, NoReturn
+from typing import IO, TYPE_CHECKING, Any, ClassVar, NoReturn
 from warnings import warn
 
 from eurobot_od.errors import LocalError
@@ -239,7 +239,8 @@ def module_attribute(module: str) -> Callable[[str], NoReturn]:
     """Return the `__getattr__` of a module with a name of canopen's."""
 
     def refuse(name: str) -> NoReturn:
-        raise AttributeError(missing(f"module {module!r}", MISSING.get(module, {}).get(name, ""), name), name=name)
+        text = missing(f"module {module!r}", MISSING.get(module, {}).get(name, ""), name)
+        raise AttributeError(text, name=name, obj=sys.modules[module])  # Python then asks "Did you mean" itself
 
     return refuse
 
@@ -280,10 +281,16 @@ class NamedAsInCanopen:
 
     __slots__ = ()
 
+    _parts: ClassVar[Mapping[str, type]] = {}
+    """Classes of its parts, by how a program reaches them from here: `.nmt`."""
+
     if not TYPE_CHECKING:  # a type checker, which refuses it anyway, would take any attribute then
 
         def __getattr__(self, name: str) -> NoReturn:
-            raise AttributeError(missing(type(self).__name__, remedy_for(type(self), name), name), name=name, obj=self)
+            text = missing(type(self).__name__, remedy_for(type(self), name), name)
+            parts = [part for part, kind in self._parts.items() if name[0] != "_" and hasattr(kind, name)]
+            hint = f"; did you mean {' or '.join(f'`{part}.{name}`' for part in parts)}?" if parts else ""
+            raise AttributeError(text if INSTEAD in text else text + hint, name=name, obj=self)
 
         def __setattr__(self, name: str, value: object) -> None:
             # `node.sdo.MAX_RETRIES = 5`: the program runs on, and is told. Other names may be a subclass's own.

@@ -30,7 +30,6 @@ from eurobot_od.cli.options import (
     NoReconnect,
     Seconds,
     Wait,
-    check_node_id,
     give,
     span_below,
 )
@@ -57,6 +56,7 @@ from eurobot_od.od.values import (
     RESTRICTED,
     SYNC_COB_ID,
     TIME_COB_ID,
+    check_node_id,
     owner,
     parse_number,
 )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
-from eurobot_od.cli.options import NOTHING_NAMED, BusOptions, FrameNames, Wait, check_node_id, whole
+from eurobot_od.cli.options import NOTHING_NAMED, BusOptions, FrameNames, Wait, whole
 from eurobot_od.cli.signature import DEVICE_FILES, HelpGroup, Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingError, RemoteError, look_up
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
@@ -27,7 +27,7 @@ from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.sdo_channels import SdoChannel, moved_server
 from eurobot_od.od.standard import DEVICE_TYPE
-from eurobot_od.od.values import parse_number
+from eurobot_od.od.values import check_node_id, parse_number
 from eurobot_od.pdo.in_force import Describe, nothing_known
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import NOTHING, Plugin, Plugins

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from eurobot_od import loading
 from eurobot_od.cli import ExitStatus, RobotName, complain, log_instead
-from eurobot_od.cli.options import BusOptions, Json, OneDevice, check_node_id, give
+from eurobot_od.cli.options import BusOptions, Json, OneDevice, give
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, look_up
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sarif, summary, summed_up
@@ -20,6 +20,7 @@ from eurobot_od.lint.rules import FILE_RULES, lint_device
 from eurobot_od.od import DEFAULT
 from eurobot_od.od.document import SECTION_NAMES, read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, foreign_network, is_xml
+from eurobot_od.od.values import check_node_id
 from eurobot_od.support.progress import OBJECTS, bar
 from eurobot_od.support.texts import one_line
 

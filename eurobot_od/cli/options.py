@@ -99,13 +99,6 @@ def assigned(form: str) -> Option:
     return Option(metavar=form, read=read)
 
 
-def check_node_id(number: int) -> int:
-    """Return the node-ID; raises LocalError if it is out of range."""
-    if number not in NODE_IDS:
-        raise LocalError(f"node-ID {number} is not in 1..127")
-    return number
-
-
 def listed(text: str) -> tuple[str, ...]:
     """Parse names or numbers separated by commas."""
     return tuple(each.strip() for each in text.split(","))

@@ -15,7 +15,7 @@ from functools import partial
 from math import inf
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.client.master import RemoteNode, blocking, finished
+from eurobot_od.client.master import RemoteNode, blocking, finished, seconds
 from eurobot_od.client.motion import (
     BEGINS,
     FOLLOWING,
@@ -30,6 +30,7 @@ from eurobot_od.client.motion import (
     Held,
     StopKind,
 )
+from eurobot_od.client.streams import Closed
 from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
@@ -104,18 +105,22 @@ class DriveStatus(NamedTuple):
     limit: str = ""
 
 
-class DriveAtNode:
+class DriveAtNode(Closed):
     """One axis of a drive; `axis` counts from 1."""
 
     def __init__(self, node: RemoteNode, dictionary: Dictionary | None, axis: int = 1) -> None:
         if not 1 <= axis <= cia402.MOST_AXES:
             raise LocalError(f"axis {axis} is not in 1..{cia402.MOST_AXES}")
-        self._node, self._dictionary = node, dictionary
+        self._dictionary = dictionary
         self._address = AxisAddress(node.node_id, axis)
         self._offset = self._address.offset
         self.kick: Callable[[], object] = lambda: None
         """Called with each request and answer, as a sign that the program is alive."""
         self._name = f"the drive of node {node.node_id}" if axis == 1 else f"axis {axis} of node {node.node_id}"
+        self._node = node
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._name}>"
 
     # Objects
 
@@ -175,7 +180,7 @@ class DriveAtNode:
     ) -> tuple[int, bool]:
         """Wait until the statusword (or another object) is `done`; return its last value and whether it is done."""
         clock = self._node.master.clock
-        end = clock() + within
+        end = clock() + seconds(within)
         while not done(word := await self._read(index)):
             if clock() >= end:
                 return word, False
@@ -195,7 +200,7 @@ class DriveAtNode:
         enabled.
         """
         moves, clock = is_ours is not None, self._node.master.clock
-        end, ended = clock() + within, False
+        end, ended = clock() + seconds(within), False
 
         def ends(word: int) -> bool:
             state = cia402.state_of(word)
@@ -402,8 +407,8 @@ class DriveAtNode:
 
     async def _begin_home(self, method: int | None = None) -> None:
         """Enable the drive and start homing as `home` does, without waiting for the end."""
-        if method is not None and method > 0 and method not in METHODS:
-            raise LocalError(f"{method} is not a homing method of CiA 402; known: {KNOWN_METHODS}")
+        if not (method is None or method in METHODS or (isinstance(method, int) and method <= 0)):
+            raise LocalError(f"{method!r} is not a homing method of CiA 402; known: {KNOWN_METHODS}")
         if method is not None:
             await self._write(cia402.HOMING_METHOD, method)
         await self._enter(Mode.HOMING)
@@ -470,7 +475,7 @@ class DriveAtNode:
     async def _until_reached(self, target: int, within: float) -> None:
         """Wait until the drive reports its target reached; raises DriveError, also if it stands at a limit."""
         clock = self._node.master.clock
-        end, place, unmoved = clock() + within, inf, Held()
+        end, place, unmoved = clock() + seconds(within), inf, Held()
         is_ours = partial(self._check_command, "move", Mode.PROFILE_POSITION, cia402.TARGET_POSITION, target)
         while not _has_reached(word := await self._until("move", within, _has_reached_or_is_limited, is_ours)):
             position = await self._read(cia402.POSITION)

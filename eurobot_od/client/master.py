@@ -22,6 +22,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Se
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime
 from functools import partial, update_wrapper, wraps
+from inspect import Signature, signature
 from itertools import count
 from numbers import Real
 from threading import Lock
@@ -97,8 +98,15 @@ def blocking(
 
     @wraps(steps)
     def run(self: Owner, /, *arguments: Rest.args, **names: Rest.kwargs) -> Result:
-        return finished(steps(self, *arguments, **names))
+        try:
+            begun = steps(self, *arguments, **names)
+        except TypeError as error:  # the arguments do not fit: none of the coroutine has run yet
+            name = next(each for each in dir(type(self)) if getattr(type(self), each) is run)
+            raise TypeError(f"{type(self).__name__}.{name}{form}: {str(error).partition('() ')[2]}") from None
+        return finished(begun)
 
+    _, *others = signature(steps).parameters.values()
+    form = Signature([each.replace(annotation=Signature.empty) for each in others])
     return run
 
 

@@ -38,6 +38,7 @@ from eurobot_od.client.master import (
     PeriodicTask,
     blocking,
     function_of,
+    seconds,
     syncs,
     times,
 )
@@ -66,7 +67,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.network import NodeFile, load, read_network
 from eurobot_od.od.standard import BIT_RATES, LSS_IDENTITY, Lss, LssState
-from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
+from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, check_node_id
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """Name of a python-can interface, an open bus, or a connected canopen network whose bus is shared."""
@@ -97,6 +98,8 @@ def _feed(
     **options: Any,
 ) -> Feed:
     """Open a bus by its interface, which has three names, or share one that is open; raises BusError, LocalError."""
+    if bitrate is not None and not (isinstance(bitrate, int) and 1000 <= bitrate <= 1_000_000):
+        raise LocalError(f"bitrate = {bitrate!r} is not in 1000..1000000 bit/s, such as 500000")
     bus = next((each for each in (bus, interface, bustype) if each is not None), None)
     if bus is None and not is_named(bus):
         raise LocalError(NO_BUS)
@@ -263,11 +266,11 @@ class NetworkOfDevices(Keyed, Generic[AnyDevice]):
         by the period of its heartbeats, and lost after two periods of silence. `guard` is the period in seconds at
         which nodes without heartbeats are asked by remote frames.
         """
-        return NodeWatcher(self.master, node_ids, within, guard)
+        return NodeWatcher(self.master, [*map(check_node_id, node_ids)], seconds(within), guard)
 
     async def _scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
         """Return the nodes that answer SDO or send a heartbeat within `listen` seconds, by node-ID."""
-        return await scan.steps(self.master, node_ids, listen=listen)
+        return await scan.steps(self.master, map(check_node_id, node_ids), listen=seconds(listen))
 
 
 class NetworkSync(NamedAsInCanopen):
@@ -503,6 +506,7 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
     """
 
     _kind = RemoteDevice
+    _parts = {".nmt": NetworkNmt, ".lss": NetworkLss, "[node]": RemoteDevice}  # noqa: RUF012
 
     def __init__(self, bus: can.BusABC | Master | None = None) -> None:
         super().__init__()

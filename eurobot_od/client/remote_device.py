@@ -51,7 +51,7 @@ from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.units import scale_of
-from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed
+from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, Address, Scalar, Value, check_node_id, pdo_of, typed
 from eurobot_od.od.words import written
 from eurobot_od.support.progress import Progress, unwatched
 
@@ -349,7 +349,7 @@ def is_address(key: object) -> TypeGuard[Address]:
 def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
     if file is None or isinstance(file, Dictionary):
         return file if file is None or file.node_id == node_id else file.renumbered(node_id)
-    if isinstance(file, (str, Path)):
+    if not isinstance(file, ObjectDictionary):
         return Dictionary.load(file, node_id)
     text = StringIO()
     canopen.export_od(file, text, "eds")
@@ -376,9 +376,7 @@ class DeviceAtNode(streams.Keyed):
     """Base class of the devices of both networks."""
 
     def __init__(self, node_id: int, object_dictionary: DeviceFile = None, name: str = "") -> None:
-        if node_id not in NODE_IDS:
-            raise LocalError(f"node-ID {node_id!r} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
-        dictionary = _dictionary(object_dictionary, node_id)
+        dictionary = _dictionary(object_dictionary, check_node_id(node_id))
         self.node_id, self.dictionary = node_id, dictionary
         self.name = name or (dictionary.name if dictionary else f"node {node_id}")
         self._node = RemoteNode(UNCONNECTED, node_id)
@@ -672,6 +670,8 @@ class RemoteDevice(DeviceAtNode, NamedAsInCanopen):
             motor.nmt.start()
             print(motor["Temperature"].value)
     """
+
+    _parts = {".nmt": NodeNmt, ".emcy": streams.EmergencyStream, ".drive402": Drive402, "[name]": RemoteObject}  # noqa: RUF012
 
     def __init__(self, node_id: int, object_dictionary: DeviceFile = None, name: str = "") -> None:
         super().__init__(node_id, object_dictionary, name)

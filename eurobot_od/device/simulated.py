@@ -24,7 +24,7 @@ from eurobot_od.device.objects import Store
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import data_type
+from eurobot_od.od.objects import data_type, not_allowed
 from eurobot_od.od.values import Address, DataType, Value, parse_number
 from eurobot_od.support import yaml_shapes
 from eurobot_od.support.yaml_places import Problems, compose, refuse, refuse_aliases, telling
@@ -65,6 +65,9 @@ class SimulatedDevice(Node):
         waveforms: Mapping[ObjectName, Waveform] | None = None,
         lss: LssSlave | None = None,
     ) -> None:
+        if not isinstance(dictionary, Dictionary):
+            load = f"{type(self).__name__}.load(file, node_id)"
+            raise LocalError(f"{dictionary!r} is not a Dictionary; `{load}` reads a file")
         self._dictionary = dictionary
         self._given = given or {}
         self._waveforms = waveforms or {}
@@ -98,9 +101,9 @@ class SimulatedDevice(Node):
             return self.device.objects.value(self._address(name))
 
     def set_value(self, name: ObjectName, value: Value) -> None:
-        """Set an object's value, from any thread, and send the changes; raises as `value`."""
+        """Set an object's value, from any thread, and send the changes; raises as `value`, and FieldError."""
         with self.guard:
-            self.device.objects.put(self._address(name), value)
+            self.device.objects.put(*self._fitting(name, value))
             self.soon(lambda _: None)
 
     def _application(self, dictionary: Dictionary) -> Application:
@@ -112,7 +115,7 @@ class SimulatedDevice(Node):
         measured = [(self._address(name), read) for name, read in readers.items()]
         application = super()._application(dictionary)
         return application._replace(
-            given={self._address(name): value for name, value in self._given.items()},
+            given=dict(self._fitting(name, value) for name, value in self._given.items()),
             measured={address: partial(self._measure, address, read) for address, read in measured},
             told={self._address(name): partial(write, self) for name, write in self.WRITERS.items()},
         )
@@ -125,6 +128,16 @@ class SimulatedDevice(Node):
         address = self._dictionary.address(name) if isinstance(name, str) else name
         self._variable(address)
         return address
+
+    def _fitting(self, name: ObjectName, value: Value) -> tuple[Address, Value]:
+        """Return an object's address and a value of its type; raises FieldError for a value of another type."""
+        address = self._address(name)
+        variable = self._variable(address)
+        try:
+            data_type(variable).write(value)
+        except (ValueError, OverflowError):
+            raise not_allowed(variable, value, data_type(variable).allowed) from None
+        return address, value
 
     def _variable(self, address: Address) -> Any:
         variable = self._dictionary.variable(address)

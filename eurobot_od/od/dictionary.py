@@ -18,7 +18,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from eurobot_od.errors import DictionaryError, meant
+from eurobot_od.errors import DictionaryError, LocalError, meant
 from eurobot_od.od import cia401, cia402, formats, standard, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, ObjectCode
@@ -230,7 +230,10 @@ class Dictionary:
 
         Raises:
             DictionaryError: no node-ID, an unknown module, a patch that does not fit, or an unreadable file
+            LocalError: not a path
         """
+        if not isinstance(file, (str, Path)):
+            raise LocalError(f"a device's file is a path, such as 'motor.eds', and not {file!r}")
         path = Path(file)
         patches = [read_patch(each) for each in patch]
         beside = device_yaml_of(path)

@@ -28,6 +28,8 @@ Scalar = TypeVar("Scalar", int, float, str, bytes)
 
 def typed(value: object, kind: type[Scalar], name: str) -> Scalar:
     """Return a value with its Python type checked; an integer is accepted as a float. Raises LocalError for others."""
+    if not isinstance(kind, type):
+        raise LocalError(f"{kind!r} is no type; write `int`, `float`, `str` or `bytes`")
     if kind is float and isinstance(value, int):
         value = float(value)
     if not isinstance(value, kind):
@@ -40,6 +42,13 @@ ALL_NODES = 0
 
 NODE_IDS = range(1, 128)
 """Valid node-IDs (CiA 301, 7.3.3)."""
+
+
+def check_node_id(number: int) -> int:
+    """Return the node-ID; raises LocalError if it is out of range."""
+    if number not in NODE_IDS:
+        raise LocalError(f"node-ID {number!r} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+    return number
 
 
 class Limits(NamedTuple):

@@ -137,9 +137,9 @@ def said(
         (["set", "--identity", "1:2:3:5", "--node-id", "255"], 0, f"{TEXT}5  no node-ID\n", ""),
         (
             ["set", "--alone", "--store", "--activate", "2 s"],
-            0,
-            "the only device  stored, bit rate changes in 2 s\n",
+            1,
             "",
+            "2 devices answer, so none is alone on the bus: --identity selects one",
         ),
         (["set", "--node-id", "0"], 2, "", "node-ID 0 is not in 1..127 (255 for none)"),
         (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import textwrap
 from collections.abc import Callable, Mapping
 from fractions import Fraction
@@ -182,6 +183,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
         r"no TPDO1 of node 5 within 100 ms after the last one: it comes only with SYNC \(`network.sync`\), from a node",
     ),
     (lambda drive: drive.configure(DOCS / "motor.eds"), DictionaryError, "the file names no node-ID"),
+    (lambda drive: drive.network.watch(200), LocalError, r"node-ID 200 is not in 1\.\.127"),
 ]
 
 
@@ -645,6 +647,64 @@ def test_an_attribute_that_an_object_a_pdo_or_its_commands_do_not_have_is_refuse
         pdo.event_timer = 100
         assert pdo.settings == {5: 100}
         assert repr(pdo["Motor.Speed"]) == "<PdoSignal Motor.Speed in TPDO1 of node 5, last: None>"
+
+
+REFUSED: list[tuple[Callable[[Any], object], type[Exception], str]] = [
+    # (what a program does with a drive, the error of Python, what it says)
+    (
+        lambda drive: drive.configure({0x1017: 5}),
+        LocalError,
+        "a device's file is a path, such as 'motor.eds', and not {4119: 5}",
+    ),
+    (
+        lambda drive: drive["Statusword"].read("int"),
+        LocalError,
+        "'int' is no type; write `int`, `float`, `str` or `bytes`",
+    ),
+    (lambda drive: drive.drive402.enable("2 s"), LocalError, "a time is a number of seconds, not '2 s'"),
+    (
+        lambda drive: drive.drive402.home("left"),
+        LocalError,
+        "'left' is not a homing method of CiA 402; known: 1..14, 17..30, 33..35, 37, and a maker's below 0",
+    ),
+    (lambda drive: drive.network.scan(["5"]), LocalError, "node-ID '5' is not in 1..127"),
+    (lambda drive: drive.start(), AttributeError, "RemoteDevice has no attribute 'start'; did you mean `.nmt.start`?"),
+    (
+        lambda drive: drive.network.program(b""),
+        AttributeError,
+        "SimulatedNetwork has no attribute 'program'; did you mean `[node].program`?",
+    ),
+    (
+        lambda drive: drive.heartbeat(period=0.5),
+        TypeError,
+        "RemoteDevice.heartbeat(within=1.0): got an unexpected keyword argument 'period'",
+    ),
+    (
+        lambda drive: drive.drive402.move_to(),
+        TypeError,
+        "Drive402.move_to(position, velocity=None, *, relative=False, within=60.0): "
+        "missing 1 required positional argument: 'position'",
+    ),
+    (
+        lambda drive: setattr(drive.drive402, "mode", 3),
+        AttributeError,
+        "<Drive402: the drive of node 5> has no attribute 'mode'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "kind", "text"), REFUSED)
+def test_a_call_that_does_not_fit_is_told_with_what_fits(
+    call: Callable[[Any], object], kind: type[Exception], text: str
+) -> None:
+    with servo() as network, pytest.raises(kind, match=f"^{re.escape(text)}$"):
+        call(network[5])
+
+
+@pytest.mark.parametrize("bitrate", [500, "500k", 0])
+def test_a_bit_rate_is_in_bits_per_second(bitrate: Any) -> None:
+    with pytest.raises(LocalError, match=rf"^bitrate = {bitrate!r} is not in 1000\.\.1000000 bit/s"):
+        Network.open("virtual", "nobody", bitrate)
 
 
 def test_an_object_is_not_set_as_an_item() -> None:

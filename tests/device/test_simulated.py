@@ -21,7 +21,7 @@ from eurobot_od.device.simulated import (
     steps,
     walk,
 )
-from eurobot_od.errors import Cause, DictionaryError, Refused, YamlError
+from eurobot_od.errors import Cause, DictionaryError, FieldError, LocalError, Refused, YamlError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import REAL32, UNSIGNED8, Address
 from eurobot_od.sdo.wire import AbortCode
@@ -332,6 +332,20 @@ UNKNOWN: list[tuple[str | Address, str]] = [
 def test_an_object_that_the_file_does_not_have_is_refused(name: str | Address, complaint: str) -> None:
     with pytest.raises(DictionaryError, match=complaint):
         module(given={name: 1})
+
+
+@pytest.mark.parametrize("value", ["fast", 1.5, 1 << 32])
+def test_a_value_of_another_type_is_refused(value: Any) -> None:
+    device = operational().node
+    assert isinstance(device, SimulatedDevice)
+    for refused in (lambda: device.set_value("Set point", value), lambda: module(given={"Set point": value})):
+        with pytest.raises(FieldError, match="Set point = "):
+            refused()
+
+
+def test_a_file_is_not_a_dictionary() -> None:
+    with pytest.raises(LocalError, match=r"^'oven\.eds' is not a Dictionary; `SimulatedDevice\.load\(file, node_id\)`"):
+        SimulatedDevice("oven.eds")  # type: ignore[arg-type]
 
 
 SHAPES = [
