@@ -352,6 +352,7 @@ OTHERWISE_CALLED = {
     "discover": "scan",
     "heartbeat": "watch NODE, or write NODE 0x1017 MS for its period",
     "help": "COMMAND --help",
+    "version": "--version",
 }
 """Our commands for those of other programs, and for words that only options and actions have."""
 

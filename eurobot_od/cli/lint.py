@@ -195,7 +195,8 @@ class FileChecks(NamedTuple):
         if not (is_named or device.objects or device.document.sections.keys() & SECTION_NAMES.keys()):
             from eurobot_od.od.network import is_network  # imports dictionaries, which a check does without
 
-            hint = f"a network file is checked by lint --network {file}" if is_network(file) else ""
+            checked_by = f"check {file}" if SUITE.search(data) else f"lint --network {file}"
+            hint = f"it is checked by {checked_by}" if is_network(file) else ""
             what = "not an EDS: it has no section of one"
             raise DictionaryError(file, None, "; ".join(filter(None, [what, hint or log_instead(file)])))
         return lint_device(device, file, self.stack)
@@ -251,6 +252,9 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
             write_whole(Path(output or file), data)
     return ExitStatus.FINE
 
+
+SUITE = re.compile(rb"^spec:", re.MULTILINE)
+"""The key that only suites have."""
 
 SECTION = re.compile(rb"^\[([^\]\r\n]+)\]", re.MULTILINE)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, give, whole
-from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser, ahead
+from eurobot_od.cli.signature import DEVICE_FILES, NOTHING, Chosen, HelpGroup, Hint, Option, Parser, ahead
 from eurobot_od.device.lss import Commissioning, LssSlave
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
@@ -269,7 +269,10 @@ def _loaded(devices: Devices, name: str | None, one: OneNode) -> LoadedDevice:
             known = ", ".join(devices.robot.nodes)
             one_of_these = f"Name one of {known}, or give" if known else "Give"
             raise LocalError(f"which node? {one_of_these} a device's file with --eds")
-        if name not in (nodes := devices.robot.nodes) and not meant(name, [*nodes]) and devices.robot_name is None:
+        if name.lower().endswith(DEVICE_FILES):
+            raise LocalError(f"{name} is a device's file: write --eds 5={name}, with its node-ID")
+        nodes = sorted(devices.robot.nodes)
+        if name not in nodes and not meant(name, nodes) and devices.robot_name is None:
             raise LocalError(f"{UnknownName('node', name, nodes)}; --robot FOLDER takes another robot's")
         dictionary = devices.robot.dialects.load(name, devices.dialect, one.node_id)
         return LoadedDevice(dictionary)

@@ -19,7 +19,7 @@ import re
 import sys
 import typing
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import Enum
 from functools import partial
@@ -135,31 +135,41 @@ NOTHING = Hint(NoneType)
 # From a function to its parser
 
 
-OTHERWISE_CALLED = {
-    **dict.fromkeys(("--duration", "--seconds", "--time"), "--for"),
-    **dict.fromkeys(("scan", "search", "fastscan"), "find"),
-    **dict.fromkeys(("operational", "op", "run"), "start"),
-    **dict.fromkeys(("reset-node", "reset_node", "reboot"), "reset"),
-    **dict.fromkeys(("reset-comm", "reset_comm", "reset_communication"), "reset-communication"),
-    **dict.fromkeys(("preop", "preoperational", "pre_operational"), "pre-operational"),
-    **dict.fromkeys(("stopped",), "stop"),
-    **dict.fromkeys(("--port", "--host", "--bind", "--address"), "--listen"),
-    **dict.fromkeys(("--record", "--write"), "--log"),
-    **dict.fromkeys(("--id", "--set-node", "--nodeid"), "--node-id"),
-    **dict.fromkeys(("--interval", "--cycle"), "--period"),
-    "--out": "-o",
-    "-k": "--step",
-    "--disable": "--ignore",
-    "--rule": "--select",
-}
-"""Options and words of other programs, with our names."""
+OTHERWISE_CALLED = (
+    (("--duration", "--seconds", "--time"), "--for"),
+    (("--from", "--start", "--begin", "--after"), "--since"),
+    (("--to", "--end", "--before"), "--until"),
+    (("--port", "--host", "--bind", "--address"), "--listen"),
+    (("--record", "--write"), "--log"),
+    (("--id", "--set-node", "--nodeid"), "--node-id"),
+    (("--id", "--cob-id", "--can-id"), "--filter"),
+    (("--id", "--cob-id", "--can-id"), "--message"),
+    (("--interval", "--cycle", "--rate", "--frequency"), "--period"),
+    (("--reset",), "--clear"),
+    (("--out",), "-o"),
+    (("-k",), "--step"),
+    (("--disable",), "--ignore"),
+    (("--rule",), "--select"),
+    (("scan", "search", "fastscan"), "find"),
+    (("operational", "op", "run"), "start"),
+    (("reset-node", "reset_node", "reboot"), "reset"),
+    (("reset-comm", "reset_comm", "reset_communication"), "reset-communication"),
+    (("preop", "preoperational", "pre_operational"), "pre-operational"),
+    (("stopped",), "stop"),
+    (("speed", "velocity", "turn"), "jog"),
+    (("delete", "del"), "remove"),
+)
+"""Options and words of other programs, with our name; the first that a command has counts."""
 
-ARGUMENTS = {
-    **dict.fromkeys(("node-id", "nodeid", "id", "n"), "node"),
-    **dict.fromkeys(("index", "object", "obj"), "objects"),
-    **dict.fromkeys(("suite", "suites"), "files"),
-    **dict.fromkeys(("log", "input", "file"), "logs"),
-}
+ARGUMENTS = (
+    (("node-id", "nodeid", "id", "n"), "node"),
+    (("index", "object", "obj"), "objects"),
+    (("suite", "suites"), "files"),
+    (("log", "input", "file"), "logs"),
+    (("eds", "dcf", "input"), "file"),
+    (("eds", "dcf"), "files"),
+    (("network",), "path"),
+)
 """Options of other programs that are arguments here."""
 
 NOT_NEEDED = {
@@ -277,15 +287,16 @@ class Parser(ArgumentParser):
                 return f"; did you mean --node-id {word}?"
             return _instead(word, options) or (f"{order}; a value with spaces needs quotes" if places else alone)
         plain = word.lstrip("-")
-        argument = ARGUMENTS.get(plain, plain.replace("-", "_"))
-        if argument in places or any(plain in self.described[each].words for each in places if each in self.described):
+        arguments = {ours for theirs, ours in ARGUMENTS if plain in theirs} or {plain.replace("-", "_")}
+        words = {word for each in places if each in self.described for word in self.described[each].words}
+        if arguments & {*places} or plain in words:
             return f"; that is an argument here, not an option{order}"
         needless, why = NOT_NEEDED.get(self.prog.rpartition(" ")[2], ((), ""))
         if plain in needless:
             return f"; {why}"
         if better := _instead(word, options):
             return better
-        if argument == "node" and any(each.lower().endswith(DEVICE_FILES) and "=" not in each for each in self.words):
+        if "node" in arguments and any(each.lower().endswith(DEVICE_FILES) and "=" not in each for each in self.words):
             return "; a node-ID stands before the file, as in 5=motor.eds"
         if word in ("--output", "-o"):
             return "; it prints: write > FILE at the end"
@@ -314,7 +325,7 @@ class FormParser(Parser):
 
 def _instead(word: str, options: Sequence[str]) -> str:
     """Return a suggestion for an unknown word, empty if there is none."""
-    if (usual := OTHERWISE_CALLED.get(word)) in options:
+    if usual := usual_name(word, options):
         return f"; here that is {usual}"
     if "-c" in options and (bus := bus_named(word)):
         return f"; {bus}"
@@ -325,6 +336,11 @@ def _instead(word: str, options: Sequence[str]) -> str:
     if word.lower().endswith(DEVICE_FILES) and "--eds" in options:
         return f"; the file of a device is --eds {word}"
     return meant(word, options, OPTIONS_ALIKE) if word.startswith("--") else ""
+
+
+def usual_name(word: str, known: Collection[str]) -> str:
+    """Return which of the known names another program's word stands for; empty if none."""
+    return next((ours for theirs, ours in OTHERWISE_CALLED if word in theirs and ours in known), "")
 
 
 def bus_named(word: str) -> str | None:
@@ -475,10 +491,10 @@ def _read(hint: Hint, word: str) -> Any:
         read = hint.option.read or READERS.get(hint.kind, hint.kind)
         return look_up("value", word, words) if words else read(word)
     except LocalError as error:
-        usual = OTHERWISE_CALLED.get(word)
+        usual = usual_name(word, words)
         # Without a similar word, which would be another command: `operational` is not like `start`.
         unlike = str(error).partition("; did you mean")[0]
-        raise ArgumentTypeError(f"{unlike}; here that is {usual}" if usual in words else str(error)) from None
+        raise ArgumentTypeError(f"{unlike}; here that is {usual}" if usual else str(error)) from None
 
 
 def _numeral(kind: Callable[[str], Any], what: str) -> Callable[[str], Any]:

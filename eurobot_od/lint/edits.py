@@ -75,7 +75,7 @@ VERBS: Mapping[str, Verb] = {
     "add": Verb("add OBJECT NAME [type=... access=... default=... KEY=VALUE...]", 2, _add),
     "rename": Verb("rename OBJECT NAME", 2, lambda words: [said(words[0], {"ParameterName": " ".join(words[1:])})]),
     "remove": Verb("remove OBJECT...", 1, lambda words: [removed(each) for each in words]),
-    "map": Verb("map PDO OBJECT...", 1, lambda words: [mapped(words[0], words[1:])]),
+    "map": Verb("map PDO OBJECT...", 2, lambda words: [mapped(words[0], words[1:])]),
     "insert": Verb("insert profile 301|401|402", 2, _insert),
 }
 

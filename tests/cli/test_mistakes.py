@@ -22,6 +22,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "net.yaml").write_text(
         "nodes:\n  lift: {file: lift.eds, node_id: 5}\n  door: {file: lift.eds, node_id: 5}\n"
     )
+    (tmp_path / "own.check.yaml").write_text("spec: 1\nname: own\nnode: lift\nsteps: []\n")
     (tmp_path / "frames.txt").write_text("(1.0) can0 705#05\n")
     (tmp_path / "plant.dbc").write_text('VERSION ""\n\nBS_:\n\nBU_: lift\n\nBO_ 5 A: 1 lift\n')
     (tmp_path / "empty.eds").write_bytes(b"")
@@ -95,10 +96,15 @@ MISTAKES = {
         "Move To: x = 5000 is not allowed; allowed: 0..3000 mm",
     ),
     "a node with a slip": ("node|lft", 2, "unknown node 'lft'; did you mean lift?"),
+    "a file of a device as a node": (
+        "node|lift.eds",
+        2,
+        "lift.eds is a device's file: write --eds 5=lift.eds, with its node-ID",
+    ),
     "a node of another robot": (
         "node|gripper",
         2,
-        "unknown node 'gripper'; known: panel, lift, scale; --robot FOLDER takes another robot's",
+        "unknown node 'gripper'; known: lift, panel, scale; --robot FOLDER takes another robot's",
     ),
     "a fault with a slip": (
         "node|lift|--fault|move-confrm-not-sent",
@@ -181,6 +187,19 @@ MISTAKES = {
         2,
         "mine.py is a Python program, not a suite: a suite is YAML",
     ),
+    "an option that is an argument": (
+        "export|xdd|--eds|lift.eds",
+        2,
+        "export xdd: error: unrecognized arguments: --eds; that is an argument here, not an option; "
+        "write eurobot-od export xdd FILE; see eurobot-od export xdd --help",
+    ),
+    "a mapping without objects": ("edit|lift.eds|map|TPDO1", 2, "write map PDO OBJECT..."),
+    "a suite as a device's file": (
+        "lint|own.check.yaml",
+        2,
+        "own.check.yaml: not an EDS: it has no section of one; it is checked by check own.check.yaml",
+    ),
+    "a version as a command": ("version", 2, "unknown command 'version'; here that is --version"),
     "a PDO forgotten": (
         "pdo|5|disable|-i|virtual",
         2,
@@ -376,7 +395,7 @@ MISTAKES = {
     "a network file alone": (
         "lint|net.yaml",
         2,
-        "net.yaml: not an EDS: it has no section of one; a network file is checked by lint --network net.yaml",
+        "net.yaml: not an EDS: it has no section of one; it is checked by lint --network net.yaml",
     ),
     "a node-ID twice": (
         "show|--network|net.yaml",
@@ -393,6 +412,19 @@ MISTAKES = {
 }
 
 USAGES = {
+    "a begin as others call it": (
+        "decode|run.log|--from|1s",
+        "unrecognized arguments: --from 1s; here that is --since",
+    ),
+    "a filter as others call it": ("monitor|run.log|--id|5", "unrecognized arguments: --id 5; here that is --filter"),
+    "a period as others call it": ("sync|--rate|10", "unrecognized arguments: --rate 10; here that is --period"),
+    "... of the error history": ("emcy|5|--reset", "unrecognized arguments: --reset; here that is --clear"),
+    "a velocity as others call it": (
+        "drive|5|speed|100",
+        "argument {status,enable,disable,home,move,jog,stop,reset}: unknown value 'speed'; "
+        "known: status, enable, disable, home, move, jog, stop, reset; here that is jog; "
+        "write eurobot-od drive NODE ACTION VALUE",
+    ),
     "an option as others call it": (
         "monitor|--duration|3s",
         "unrecognized arguments: --duration; here that is --for",

@@ -338,7 +338,7 @@ def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixtur
         said = run(capsys, "pdo", "5", "map", "TPDO9", "Motor.Speed", "--eds", motor, *bus)
         assert said.complaint.endswith("unknown PDO 'TPDO9'; did you mean TPDO1?")
         said = run(capsys, "pdo", "5", "map", "TPDO1", "--eds", motor, *bus)
-        assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
+        assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; `pdo 5` lists the PDOs")
         off = run(capsys, "pdo", "5", "disable", "TPDO1", "--eds", motor, *bus)
         assert off.out.split()[:4] == ["TPDO", "1", "0x185", "off"]
         said = run(capsys, "pdo", "5", "map", "TPDO1", "Motor.Speed", "--eds", motor, *bus)
