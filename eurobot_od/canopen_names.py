@@ -7,7 +7,7 @@ docs/canopen.md shows the table, and a test compares both packages, name by name
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.machinery import ModuleSpec
 from io import BytesIO, TextIOWrapper
 from operator import attrgetter
@@ -240,7 +240,7 @@ def module_attribute(module: str) -> Callable[[str], NoReturn]:
 
     def refuse(name: str) -> NoReturn:
         text = missing(f"module {module!r}", MISSING.get(module, {}).get(name, ""), name)
-        raise AttributeError(text, name=name, obj=sys.modules[module])  # Python then asks "Did you mean" itself
+        raise AttributeError(text, name=name, obj=sys.modules.get(module))  # Python then asks "Did you mean" itself
 
     return refuse
 
@@ -284,12 +284,19 @@ class NamedAsInCanopen:
     _parts: ClassVar[Mapping[str, type]] = {}
     """Classes of its parts, by how a program reaches them from here: `.nmt`."""
 
+    def _items(self) -> Iterable[str]:
+        """Return the names in brackets that a program may have taken for attributes."""
+        return ()
+
     if not TYPE_CHECKING:  # a type checker, which refuses it anyway, would take any attribute then
 
         def __getattr__(self, name: str) -> NoReturn:
             text = missing(type(self).__name__, remedy_for(type(self), name), name)
-            parts = [part for part, kind in self._parts.items() if name[0] != "_" and hasattr(kind, name)]
-            hint = f"; did you mean {' or '.join(f'`{part}.{name}`' for part in parts)}?" if parts else ""
+            found = list[str]()
+            if name[0] != "_":
+                found += [f"`{part}.{name}`" for part, kind in self._parts.items() if hasattr(kind, name)]
+                found += [f"`[{each!r}]`" for each in self._items() if each.replace(" ", "_") == name]
+            hint = f"; did you mean {' or '.join(found)}?" if found else ""
             raise AttributeError(text if INSTEAD in text else text + hint, name=name, obj=self)
 
         def __setattr__(self, name: str, value: object) -> None:

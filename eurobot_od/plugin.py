@@ -235,10 +235,9 @@ class Plugins(NamedTuple):
         names = ", ".join(dict.fromkeys(each.name for each, _ in simulated))
         for name in faults:
             if not any(self._can_have(kind, self.robot.role_of(each), name) for each, kind in simulated):
-                whose = name.rpartition(".")[0] or _owner(self.find_fault(name)[0])
                 raise LocalError(
-                    f"--fault {name}: no device under test can have it ({names}): it is one of {whose}; "
-                    "`faults` lists those of any device"
+                    f"--fault {name}: no simulated device can have it ({names}): "
+                    f"it is one of {_owner(self.find_fault(name)[0])}; `faults` lists those of any device"
                 )
 
     def all_faults(self) -> Faults:

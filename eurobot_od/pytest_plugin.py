@@ -17,7 +17,7 @@ from contextlib import ExitStack
 from functools import cached_property, partial
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Never
 
 import pytest
 
@@ -277,9 +277,11 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
     whose random numbers come from `seed`.
     """
 
-    def check(file: str, faults: Sequence[str] = (), seed: int = 1) -> list[SuiteResult]:
+    def check(file: str, faults: Sequence[str] = (), seed: int = 1, **others: Never) -> list[SuiteResult]:
         from eurobot_od.errors import FileError, LocalError
 
+        if others or isinstance(faults, str):
+            pytest.fail('write eurobot_check("drive.yaml", faults=["stop-ignored"], seed=1)', pytrace=False)
         beside = request.path.with_name(file)
         try:
             path = beside if beside.is_file() else _plugins(request.config).suite(file)

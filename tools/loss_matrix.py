@@ -10,7 +10,8 @@ Braking after an ordinary stop counts, too, so that it is never 0. It has to end
 - *off*: how far the robot truly is from its target when it has arrived, beyond the deviation that the drive reports.
 - *open calls*: calls of the core that have not ended at the end. There must be none.
 - *went on*: whether another place was reached after the fault. Not every match can go on (GOES_ON). Without the
-navigation one that has driven on for DROVE_ON counts, too: by its wheels alone it may lose its way later.
+navigation one that has driven on for DROVE_ON counts, too, as by its wheels alone it may lose its way later. If it has
+lost it before the fault, half of what the same match drives without the fault is enough.
 
 With `--live` the pauses without the navigation are tried in real time, on a bus in this process (live_network.py).
 
@@ -72,7 +73,7 @@ TOLERANCE = 25.0
 """How much farther, in mm, an arrived robot may be from its target: what core (20) and drive (5) call arrived."""
 
 DROVE_ON = 1000.0
-"""How far a robot drives, in mm, whose match goes on without the navigation."""
+"""How far a robot drives, in mm, whose match certainly goes on without the navigation."""
 
 UNDATED = ("Navi Position Request", "Navi Position Response")
 """Positions without a time: if all of them are late, the drive cannot know."""
@@ -268,8 +269,9 @@ def other(dialect: str) -> str:
 class Trial:
     """One cell while it is tried."""
 
-    def __init__(self, cell: Cell) -> None:
+    def __init__(self, cell: Cell, *, is_faultless: bool = False) -> None:
         self.cell = cell
+        self.is_faultless = is_faultless
         self.files = files(cell.dialect)
         self.changed = files(other(cell.dialect)).dictionaries
         # Judged is what is lost, and not what beacons take for something else or who stands in the way.
@@ -364,6 +366,8 @@ class Trial:
         how = self.cell.how
         now = self.network.now
         self.driven_before = self.wheels.driven
+        if self.is_faultless:
+            return
         if how == SECOND:
             self.network.attach(Core(self.files.dictionaries["core"]), now, processing_time(self.cell.seed, SECOND))
         elif how in RESETS:
@@ -464,11 +468,28 @@ class Trial:
         await asyncio.sleep(BEGIN + self.duration + AFTERWARDS - self.network.now)
         return self.playing.done()
 
+    def play(self) -> bool:
+        """Play the match to its end; return whether everything ended in time."""
+        network = self.network
+        return network.run(self._run()) if isinstance(network, LiveNetwork) else loop.run(network, self._run())
+
+    @property
+    def driven_on(self) -> float:
+        """How far the robot has driven since the fault, in mm."""
+        return self.wheels.driven - self.driven_before
+
+    def _has_driven_on(self) -> bool:
+        """Return whether a match without the navigation has gone on, by how far it has driven since the fault."""
+        if self.cell.navigation == ALIVE or self.driven_on > DROVE_ON:
+            return self.cell.navigation != ALIVE
+        faultless = Trial(self.cell._replace(live=False), is_faultless=True)
+        faultless.play()
+        return self.driven_on >= faultless.driven_on / 2
+
     def result(self) -> Result:
         """Try the cell."""
         cell = self.cell
-        network = self.network
-        ended = network.run(self._run()) if isinstance(network, LiveNetwork) else loop.run(network, self._run())
+        ended = self.play()
         killed = cell.what if cell.how == KILLED else None
         # A second core has the robot stopped, and watched, with each of its heartbeats.
         must_end = killed != "core" and cell.how != SECOND
@@ -480,9 +501,8 @@ class Trial:
             f"{self.core.open_calls} open calls": must_end and self.core.open_calls > 0,
         }
         went_on = any(time > cell.time for time in self.reached)
-        drove_on = cell.navigation != ALIVE and self.wheels.driven - self.driven_before > DROVE_ON
-        stuck = cell.has_to_go_on and cell.time < BEGIN + DURATION and not (went_on or drove_on)
-        wrong[f"the match does not go on: {self.last}"] = stuck
+        has_to_go_on = cell.has_to_go_on and cell.time < BEGIN + DURATION
+        wrong[f"the match does not go on: {self.last}"] = has_to_go_on and not (went_on or self._has_driven_on())
         text = "; ".join(text for text, is_so in wrong.items() if is_so)
         return Result(cell, self.wheels.seconds, self.wheels.distance, went_on, text)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
@@ -153,11 +153,15 @@ class Scale(NamedTuple):
         if name in self.constants:
             return Operand(self.values.parse(str(self.constants[name])), None, self.values)
         if name not in self.saved:
-            unknown = UnknownName("variable", name, sorted({*self.constants, *self.saved}))
-            if unknown.known:
-                raise unknown
-            raise LocalError(f"{unknown}; a step before it saves one, `save: {name}`, or the head has `variables:`")
+            raise unknown_variable(name, sorted({*self.constants, *self.saved}))
         return Operand(None, name, self.values, int(match["bits"] or "0", 16))
+
+
+def unknown_variable(name: str, known: Sequence[str]) -> LocalError:
+    """Return the error about a variable that nothing has saved."""
+    unknown = UnknownName("variable", name, known)
+    how = f"a step before it saves one, `save: {name}`, or the head has `variables:`"
+    return unknown if known else LocalError(f"{unknown}; {how}")
 
 
 class Operand(NamedTuple):

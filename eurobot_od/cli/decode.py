@@ -248,6 +248,8 @@ def decode(
     """
     if bitrate and not statistics:
         raise LocalError("--bitrate is for --statistics")
+    if since > until:
+        raise LocalError(f"--since {since:g} s is after --until {until:g} s: no entry is between them")
     decoder = decoder_for(logs, reading, devices, names)
     several = len(logs) > 1
     if statistics:

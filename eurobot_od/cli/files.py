@@ -181,6 +181,8 @@ def canopennode(
     from eurobot_od.lint.findings import Severity, count
     from eurobot_od.lint.rules import stack_findings
 
+    if output.suffix in (".c", ".h"):
+        raise LocalError(f"-o {output} is to be a folder, for OD.h and OD.c; write -o {output.parent / 'firmware'}")
     groups = storage_groups(storage, name)
     dictionary = device.load(file)
     complain_of_repairs([dictionary])

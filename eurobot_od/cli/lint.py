@@ -143,10 +143,10 @@ def lint(
         complain(str(each))
     if unreadable:
         return ExitStatus.WRONG_INPUT
-    return ExitStatus.FOUND if robot and _differs_from_table(robot) else status
+    return ExitStatus.FOUND if robot and differs_from_table(robot) else status
 
 
-def _differs_from_table(robot: Plugin) -> bool:
+def differs_from_table(robot: Plugin) -> bool:
     """Report that EDS files of a robot are not what its table makes; return whether they differ."""
     from eurobot_od.od.make import read_table
     from eurobot_od.od.make.text import differences, make_files

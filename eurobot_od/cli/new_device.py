@@ -16,7 +16,7 @@ from eurobot_od.od.make.device import device_eds, read_device_table
 from eurobot_od.od.objects import all_objects, limits
 from eurobot_od.od.units import RAW, scale_of
 from eurobot_od.od.values import label
-from eurobot_od.support.files import read_whole, write_whole
+from eurobot_od.support.files import check_new_folder, read_whole, write_whole
 
 FILES = Path(__file__).with_name("new_device_files")
 """Folder of the templates of a device package; the suffix `.new` keeps them from being part of this package."""
@@ -51,8 +51,7 @@ def new_device(
     """
     if package != (eds is not None):
         raise LocalError("a device package needs the device's EDS: write new-device NAME --package --eds FILE")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise LocalError(f"{folder}: it is there, and not empty; name a new folder")
+    check_new_folder(folder)
     name = folder.resolve().name
     module = re.sub(r"\W+", "_", name.lower()).strip("_")
     if not module.isidentifier() or iskeyword(module) or not module.isascii():

@@ -535,7 +535,7 @@ def drive(
         described = target.known_description(node)
         found = Drive402(node, described, axis)
         # What takes the torque away is not delayed by a question.
-        before = None if action in ("stop", "disable") else _status_of(node, described, axis)
+        before = None if action in ("stop", "disable") else Drive402(node, described, axis).status
         with _watched(found, node, axis, own_id) if action in WATCHED else nullcontext():
             ACTIONS[action](found, value or 0, motion)
         status = found.status
@@ -544,19 +544,6 @@ def drive(
         complain(f"node {node.node_id} was not enabled: `{action}` has enabled it, and {stays}")
     line = one_line(f"node {node.node_id}: {drive_as_text(status)}")
     give(as_json, drive_as_data(status), [line], indent=None)
-
-
-def _status_of(node: RemoteNode, described: Dictionary | None, axis: int) -> DriveStatus:
-    """Return the status of an axis before a command is sent; raises RemoteError if the node has no such axis."""
-    try:
-        return Drive402(node, described, axis).status
-    except NodeRefused as refused:
-        if refused.code != AbortCode.NO_OBJECT:
-            raise
-        said = f"{refused.request} is refused"
-        if axis > 1 and _status_of(node, described, 1):  # raises unless the node is a drive
-            raise RemoteError(f"node {node.node_id} has no axis {axis}: {said}; axis 1 answers") from None
-        raise RemoteError(f"node {node.node_id} is no drive of CiA 402: {said}") from None
 
 
 @contextmanager

@@ -133,7 +133,16 @@ class DriveAtNode(Closed):
 
     async def _read(self, index: int) -> int:
         self.kick()
-        data = await self._node.upload.steps((index + self._offset, 0))
+        try:
+            data = await self._node.upload.steps((index + self._offset, 0))
+        except NodeRefused as refused:
+            if index != cia402.STATUSWORD or refused.code != AbortCode.NO_OBJECT:
+                raise
+            lacks = "is no drive of CiA 402"
+            if self._address.number > 1:
+                await type(self)(self._node, self._dictionary)._state()  # raises unless the node is a drive
+                lacks = f"has no axis {self._address.number}, only axis 1 answers"
+            raise DriveError(f"node {self._node.node_id} {lacks}: {refused.request} is refused") from None
         # An expedited answer may leave out its size, and then has four bytes, whatever the type (CiA 301, 7.2.4.3.6).
         value = self._type(index).read(data[: self._type(index).size])
         assert isinstance(value, int)

@@ -22,7 +22,6 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Se
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime
 from functools import partial, update_wrapper, wraps
-from inspect import Signature, signature
 from itertools import count
 from numbers import Real
 from threading import Lock
@@ -40,6 +39,7 @@ from eurobot_od.od.sdo_channels import SdoChannel
 from eurobot_od.sdo import client as sdo
 from eurobot_od.sdo.wire import LARGEST, REMEDIES, reason
 from eurobot_od.support.progress import Progress, unwatched
+from eurobot_od.support.texts import parameters
 
 if TYPE_CHECKING:
     import can
@@ -102,11 +102,10 @@ def blocking(
             begun = steps(self, *arguments, **names)
         except TypeError as error:  # the arguments do not fit: none of the coroutine has run yet
             name = next(each for each in dir(type(self)) if getattr(type(self), each) is run)
-            raise TypeError(f"{type(self).__name__}.{name}{form}: {str(error).partition('() ')[2]}") from None
+            what = str(error).partition("() ")[2]
+            raise TypeError(f"{type(self).__name__}.{name}{parameters(steps, 1)}: {what}") from None
         return finished(begun)
 
-    _, *others = signature(steps).parameters.values()
-    form = Signature([each.replace(annotation=Signature.empty) for each in others])
     return run
 
 

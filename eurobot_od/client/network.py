@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, Self, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Never, NoReturn, Self, TypeAlias, TypeVar
 
 import can
 import canopen
@@ -508,7 +508,9 @@ class Network(NetworkOfDevices[RemoteDevice], NamedAsInCanopen):
     _kind = RemoteDevice
     _parts = {".nmt": NetworkNmt, ".lss": NetworkLss, "[node]": RemoteDevice}  # noqa: RUF012
 
-    def __init__(self, bus: can.BusABC | Master | None = None) -> None:
+    def __init__(self, bus: can.BusABC | Master | None = None, *others: Never) -> None:
+        if others or isinstance(bus, str):
+            raise TypeError("Network(bus) takes a bus that is open; Network.open(interface, channel) opens one")
         super().__init__()
         self.nmt, self.lss, self.scanner = NetworkNmt(self), NetworkLss(self), NodeScanner(self)
         self.time = NetworkTime(self)

@@ -42,7 +42,7 @@ from eurobot_od.client.master import (
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import BlockingPdoStream, PdosOfDirection, RemotePdos
 from eurobot_od.device.nmt import TARGET, TOGGLE, NmtCommand, NmtState, canopen_state, command_to
-from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
+from eurobot_od.errors import DictionaryError, HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dcf import ChosenCobIds
@@ -137,6 +137,9 @@ class ObjectAtNode(NamedAsInCanopen, streams.Keyed):
 
     def __len__(self) -> int:
         return len(self._members)
+
+    def _items(self) -> list[str]:
+        return [each.name for each in self._variables] if len(self._variables) > 1 else []
 
     @property
     def _members(self) -> Sequence[ODVariable]:
@@ -311,6 +314,12 @@ class AsyncRemoteObject(ObjectAtNode):
         """Value that `read` returns."""
         return await self.read()
 
+    if not TYPE_CHECKING:  # a type checker refuses it anyway
+
+        @value.setter
+        def value(self, value: object) -> NoReturn:
+            raise AttributeError(f"in an event loop an object is written by `await ....write({value!r})`")
+
     @property
     async def raw(self) -> Any:
         """The value without the Factor."""
@@ -420,6 +429,8 @@ class DeviceAtNode(streams.Keyed):
         address = (key, 0) if isinstance(key, int) else key
         if not is_address(address):
             raise UnknownName("object", key, NUMBERS)
+        if isinstance(key, int) and known is not None and key not in known and str(key) in {f"{i:X}" for i in known}:
+            raise UnknownName("object", key, [f"0x{key}"])  # 6081, where the file has 0x6081 and no 6081
         found = objects.members(known, key) if isinstance(key, int) and known is not None else []
         return found or [at(address, known)]
 
@@ -513,7 +524,15 @@ class DeviceAtNode(streams.Keyed):
 
     async def _plan(self, file: str | Path, cob_ids: CobIdChoice) -> ChangePlan:
         chosen = ChosenCobIds(cob_ids) if cob_ids else None
-        return await configure.difference.steps(self._node, Dictionary.load(file), chosen=chosen)
+        try:
+            dictionary = Dictionary.load(file)
+        except DictionaryError as error:
+            if "names no node-ID" not in error.what:
+                raise
+            raise DictionaryError(
+                file, None, "a DCF is needed, which names its node-ID; `dump -o` writes one"
+            ) from None
+        return await configure.difference.steps(self._node, dictionary, chosen=chosen)
 
     async def _store(self) -> None:
         """Make the node store all parameters, so that they survive a reset (0x1010); may take 5 s."""

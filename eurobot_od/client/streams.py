@@ -499,7 +499,7 @@ class PdoStream(Stream[PdoReading], Keyed):
 
     def _frame(self, values: Mapping[str, Value]) -> Frame:
         if self.direction is PdoDirection.TPDO:
-            raise LocalError(f"{self.name} of node {self.node_id} is sent by the node")
+            raise LocalError(f"{self.name} of node {self.node_id} is sent by the node; a master sends its RPDOs")
         if not isinstance(values, Mapping):
             raise FieldError(self.name, "values", values, "a value for each name, such as {'Controlword': 6}")
         objects = self._binding.objects
@@ -602,6 +602,8 @@ class MappedPdos(Keyed, Generic[AnyPdo]):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the valid PDOs, for completion of `pdo["` in IPython."""
         return [*self._pdos]
+
+    _items = _ipython_key_completions_
 
     async def _read(self) -> None:
         if self.dictionary is not None:

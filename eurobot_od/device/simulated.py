@@ -21,7 +21,7 @@ from eurobot_od.device.bound import Application
 from eurobot_od.device.lss import LssSlave
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import Store
-from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.errors import DictionaryError, FieldError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, not_allowed
@@ -121,8 +121,13 @@ class SimulatedDevice(Node):
         )
 
     def _measure(self, address: Address, read: Callable[[Any], Value]) -> Value:
-        value = read(self)
-        return fitted(value, data_type(self._variable(address))) if isinstance(value, (int, float)) else value
+        value, variable = read(self), self._variable(address)
+        if isinstance(value, (int, float)):
+            return fitted(value, data_type(variable))
+        try:
+            return value if value is None else self._fitting(address, value)[1]
+        except FieldError as error:  # as a FieldError it would only be an abort, for whoever reads the object
+            raise LocalError(f"READERS: {error}") from None
 
     def _address(self, name: ObjectName) -> Address:
         address = self._dictionary.address(name) if isinstance(name, str) else name

@@ -56,6 +56,8 @@ HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)
 STRAY = (Odd.NOT_AN_ENTRY, Odd.NO_SECTION, Odd.NO_KEY)
 """Oddities of lines that are harmless unless the line is the last one: then the file is truncated."""
 
+CUT_OFF = "; the file ends here: it is cut off"
+
 END_MARKS = "\0\x1a"
 """Characters that old editors append to a text: Ctrl-Z, and NUL up to a full block."""
 
@@ -291,9 +293,11 @@ class _Reader:
         self._before: dict[str, Entry] = {}  # entries before the first section
         self._entries = self._before
         self._has_comments = False
+        self._last = 0
 
     def read(self, text: str, encoding: str) -> Document:
         lines = self._split(text)
+        self._last = len(lines)
         new = tuple.__new__  # twice as fast as Entry()
         entries = self._entries
         if not text.isascii():
@@ -343,7 +347,8 @@ class _Reader:
         elif "=" in text:
             self._entry(number, text, indent)
         else:
-            self._note(Odd.NOT_AN_ENTRY, number, indent + 1, text[:40])
+            # Only a line without its end can be the last one here.
+            self._note(Odd.NOT_AN_ENTRY, number, indent + 1, text[:40] + CUT_OFF * (number == self._last))
 
     def _header(self, number: int, text: str, indent: int) -> None:
         name, bracket, rest = text[1:].partition("]")

@@ -59,7 +59,9 @@ def removed(target: str) -> Change:
         gone = section_name(index, sub).lower()
         left = {name: each for name, each in document.sections.items() if not _is_part(name, index, sub)}
         if whole is None or len(left) == len(document.sections):
-            raise LocalError(f"{target}: the file does not describe it in a section [{gone}]")
+            has = ", ".join(map(str, sorted({*whole.subs} - {values.STRUCTURE}))) if whole else ""
+            known = f"; 0x{index:04X} has the sub-indices {has}" if whole and sub is not None else ""
+            raise LocalError(f"{target}: the file does not describe it in a section [{gone}]{known}")
         if sub is not None and whole.section:
             count = len({*whole.subs, 0} - {sub, values.STRUCTURE})
             left[whole.section.name.strip().lower()] = whole.section.saying(SubNumber=str(count))

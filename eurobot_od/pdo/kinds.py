@@ -369,6 +369,10 @@ class Choice(Kind):
     def allowed(self, limits: Limits) -> str:
         return ", ".join(f"{name} ({raw})" for raw, name in self._words.items())
 
+    def wanted(self, value: Any, limits: Limits) -> str:
+        members = [f"{type(each).__name__}.{each.name}" for each in self._meanings.values() if isinstance(each, Enum)]
+        return ", ".join(members) if isinstance(value, str) and members else self.allowed(limits)
+
 
 # Kinds by data type
 

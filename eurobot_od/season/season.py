@@ -307,6 +307,18 @@ class SqlError(LocalError):
     """A query that DuckDB rejects."""
 
 
+def _told(error: str) -> str:
+    """Return what DuckDB says of a query, without the lines that repeat it with a mark."""
+    first, *others = error.splitlines()
+    near = next((each for each in others if each.startswith("Candidate bindings:")), "").partition(":")[2].strip()
+    quoted = f"; a text takes single quotes: '{name[1]}'" if (name := COLUMN.search(first)) else ""
+    return first + (f"; columns like it: {near}" if near else "") + quoted
+
+
+COLUMN = re.compile(r'Referenced column "(\w+)" not found')
+"""What DuckDB says of a name that is no column, or of a text in the wrong quotes."""
+
+
 class Season:
     """The Parquet files of a season, by table, without `damaged` ones.
 
@@ -466,8 +478,7 @@ class Season:
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
                 names = ", ".join([*self.files, MESSAGES, FIELDS])
                 known = f"; tables: {names}" if "Table with name" in str(error) else ""
-                # DuckDB's further lines repeat the query, with a mark.
-                raise SqlError(str(error).partition("\n")[0] + known) from None
+                raise SqlError(_told(str(error)) + known) from None
         if len(rows) > MOST_ROWS:
             raise SqlError(f"more than {MOST_ROWS} rows: ask for sums, or for a part by LIMIT")
         return rows

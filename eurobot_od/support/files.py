@@ -18,7 +18,7 @@ from glob import escape
 from pathlib import Path
 from typing import BinaryIO
 
-from eurobot_od.errors import FileError, meant
+from eurobot_od.errors import FileError, LocalError, meant
 from eurobot_od.support.texts import described
 
 MOST = 16 << 20
@@ -38,6 +38,12 @@ ABANDONED = 60.0
 
 NAME_BYTES = 4
 """Random bytes in the name of a temporary file."""
+
+
+def check_new_folder(folder: Path) -> None:
+    """Check that files may go into a folder, which is new or empty; raises LocalError."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise LocalError(f"{folder}: it is there, and not empty; name a new folder")
 
 
 def opened(file: str | Path, buffering: int = -1) -> BinaryIO:

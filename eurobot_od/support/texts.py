@@ -7,10 +7,12 @@ suite, strings of a node. XML, HTML and JSON add their own escapes.
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from enum import Enum
+from inspect import Signature, signature
 from itertools import count
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from eurobot_od.errors import LocalError
 
@@ -34,6 +36,22 @@ def described(error: BaseException) -> str:
     except (Exception, SystemExit):  # a foreign exception whose `__str__` raises
         said = "what it says cannot be read"
     return f"{type(error).__name__}: {said}"
+
+
+def parameters(function: Callable[..., object], without: int = 0) -> str:
+    """Format a function's parameters, `(file, *, store=True)`, `without` the first ones."""
+    each = [*signature(function).parameters.values()][without:]
+    shown = [one.replace(default=_Member(one.default)) if isinstance(one.default, Enum) else one for one in each]
+    return str(Signature([one.replace(annotation=Signature.empty) for one in shown]))
+
+
+class _Member(NamedTuple):
+    """A member of an enum as a program writes it."""
+
+    member: Enum
+
+    def __repr__(self) -> str:
+        return f"{type(self.member).__name__}.{self.member.name}" if self.member.name else repr(self.member)
 
 
 def amount(number: int, thing: str, things: str = "") -> str:

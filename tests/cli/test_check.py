@@ -96,7 +96,7 @@ REFUSALS = {
     "fault of other devices": (
         "green.yaml --simulate --fault overcurrent",
         2,
-        "eurobot-od: --fault overcurrent: no device under test can have it (lift): it is one of drives of CiA 402; ",
+        "eurobot-od: --fault overcurrent: no simulated device can have it (lift): it is one of drives of CiA 402; ",
     ),
     "a bus for simulated nodes": ("green.yaml --simulate -i virtual", 2, "eurobot-od: --simulate is without a bus"),
     "fault of a real node": ("green.yaml --fault x", 2, "eurobot-od: --fault needs --simulate"),

@@ -193,6 +193,17 @@ MISTAKES = {
         "export xdd: error: unrecognized arguments: --eds; that is an argument here, not an option; "
         "write eurobot-od export xdd FILE; see eurobot-od export xdd --help",
     ),
+    "a time after another one": (
+        "decode|frames.txt|--since|2s|--until|1s",
+        2,
+        "--since 2 s is after --until 1 s: no entry is between them",
+    ),
+    "a file for a folder": (
+        "export|canopennode|lift.eds|-o|OD.c",
+        2,
+        "-o OD.c is to be a folder, for OD.h and OD.c; write -o firmware",
+    ),
+    "a folder that is not empty": ("new-device|.", 2, ".: it is there, and not empty; name a new folder"),
     "a mapping without objects": ("edit|lift.eds|map|TPDO1", 2, "write map PDO OBJECT..."),
     "a suite as a device's file": (
         "lint|own.check.yaml",

@@ -107,7 +107,7 @@ def test_drive_says_that_a_node_is_no_drive(capsys: pytest.CaptureFixture[str]) 
 def test_drive_says_which_axes_a_drive_has(capsys: pytest.CaptureFixture[str], channel: str) -> None:
     told = said(capsys, channel, "status", "--axis", "2")
     assert told.status == 1
-    assert told.err.endswith("node 5 has no axis 2: read 0x6841:0 is refused; axis 1 answers\n")
+    assert told.err.endswith("node 5 has no axis 2, only axis 1 answers: read 0x6841:0 is refused\n")
 
 
 def test_a_motion_says_that_it_has_enabled_the_drive(capsys: pytest.CaptureFixture[str], channel: str) -> None:

@@ -26,6 +26,7 @@ from eurobot_od.errors import (
     Cause,
     ConfigurationError,
     DictionaryError,
+    DriveError,
     EurobotError,
     FieldError,
     HeartbeatLost,
@@ -182,7 +183,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
         NoAnswer,
         r"no TPDO1 of node 5 within 100 ms after the last one: it comes only with SYNC \(`network.sync`\), from a node",
     ),
-    (lambda drive: drive.configure(DOCS / "motor.eds"), DictionaryError, "the file names no node-ID"),
+    (lambda drive: drive.configure(DOCS / "motor.eds"), DictionaryError, "motor.eds: a DCF is needed, which names"),
     (lambda drive: drive.network.watch(200), LocalError, r"node-ID 200 is not in 1\.\.127"),
 ]
 
@@ -668,6 +669,28 @@ REFUSED: list[tuple[Callable[[Any], object], type[Exception], str]] = [
         "'left' is not a homing method of CiA 402; known: 1..14, 17..30, 33..35, 37, and a maker's below 0",
     ),
     (lambda drive: drive.network.scan(["5"]), LocalError, "node-ID '5' is not in 1..127"),
+    (lambda drive: drive[6081], UnknownName, "unknown object 6081; did you mean 0x6081?"),
+    (
+        lambda drive: drive["Current control"].P_gain,
+        AttributeError,
+        "RemoteObject has no attribute 'P_gain'; did you mean `['P gain']`?",
+    ),
+    (lambda drive: drive.pdo.TPDO1, AttributeError, "RemotePdos has no attribute 'TPDO1'; did you mean `['TPDO1']`?"),
+    (
+        lambda drive: drive.axis402(2).enable(),
+        DriveError,
+        "node 5 has no axis 2, only axis 1 answers: read 0x6841:0 is refused",
+    ),
+    (
+        lambda _: Network("virtual", "servo"),  # type: ignore[arg-type]
+        TypeError,
+        "Network(bus) takes a bus that is open; Network.open(interface, channel) opens one",
+    ),
+    (
+        lambda _: setattr(AsyncRemoteDevice(5, EDS)["Profile velocity"], "value", 5),
+        AttributeError,
+        "in an event loop an object is written by `await ....write(5)`",
+    ),
     (lambda drive: drive.start(), AttributeError, "RemoteDevice has no attribute 'start'; did you mean `.nmt.start`?"),
     (
         lambda drive: drive.network.program(b""),
@@ -705,6 +728,14 @@ def test_a_call_that_does_not_fit_is_told_with_what_fits(
 def test_a_bit_rate_is_in_bits_per_second(bitrate: Any) -> None:
     with pytest.raises(LocalError, match=rf"^bitrate = {bitrate!r} is not in 1000\.\.1000000 bit/s"):
         Network.open("virtual", "nobody", bitrate)
+
+
+def test_a_device_that_is_no_drive_is_not_enabled() -> None:
+    with (
+        simulated(MOTOR_EDS, node_id=5) as network,
+        pytest.raises(DriveError, match=r"^node 5 is no drive of CiA 402: "),
+    ):
+        network[5].drive402.enable()
 
 
 def test_an_object_is_not_set_as_an_item() -> None:

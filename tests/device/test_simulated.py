@@ -293,6 +293,18 @@ def test_a_class_gives_and_takes_values_by_sdo_and_pdo() -> None:
     assert sent(wire, CHANGED) == ["14000000", "fa00fa00", "64006400"]
 
 
+def test_a_reader_of_another_type_is_told_to_whoever_runs_the_device() -> None:
+    class Fast(SimulatedDevice):
+        """Reads a text where a number is."""
+
+        READERS: ClassVar = {"Channel.Entry 1": lambda _: "fast"}
+
+    device = module(Fast).node
+    assert isinstance(device, Fast)
+    with pytest.raises(LocalError, match=r"^READERS: 0x2000:1: Channel\.Entry 1 = 'fast' is not allowed; allowed: "):
+        device.value("Channel.Entry 1")
+
+
 def test_a_class_may_have_no_value_now() -> None:
     class Blind(SimulatedDevice):
         """Sees nothing at the moment."""

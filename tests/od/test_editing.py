@@ -91,6 +91,11 @@ REFUSED = [
     ([said("1017", {"Colour": "red"})], DictionaryError, "unknown key 'Colour'"),
     ([said("Nothing", {"LowLimit": "1"})], DictionaryError, "unknown object 'Nothing'"),
     ([removed("2103")], LocalError, "2103: the file does not describe it"),
+    (
+        [removed("2000:9")],
+        LocalError,
+        "; 0x2000 has the sub-indices 0, 1, 2, 3",
+    ),
     ([mapped("PDO9", ["6064"])], LocalError, "PDO9 is not a PDO; write RPDO1 or TPDO1, up to 512"),
     ([mapped("TPDO1", ["1008"])], LocalError, "1008: it has no data type of a fixed length"),
     ([mapped("TPDO1", ["6064"] * 3)], LocalError, "TPDO1: 96 bits; a PDO has 64"),

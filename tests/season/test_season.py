@@ -164,6 +164,9 @@ def test_the_table_of_messages_describes_each_table(season: Season) -> None:
         ("SELECT x FROM nowhere", "Table with name nowhere does not exist!; tables: check_lift_request"),
         ("SELEC", "Parser Error: syntax error"),
         ("SELECT nothing FROM move_to", 'Referenced column "nothing" not found'),
+        ("SELECT tim FROM move_to", '; columns like it: "'),
+        ('SELECT * FROM messages WHERE message = "Move To2"', "Referenced column"),
+        ('SELECT * FROM messages WHERE message = "move"', "; a text takes single quotes: 'move'"),
     ],
 )
 def test_an_error_of_duckdb_is_one_line(season: Season, query: str, complaint: str) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
 from eurobot_od.bus.live.reader import POLL, BusSilence, FunctionThread, Reader
 from eurobot_od.controller import Controller, Event, Report
-from eurobot_od.errors import BusError, NodeFailed, StateError
+from eurobot_od.errors import BusError, LocalError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.pdo.kinds import Message
@@ -140,7 +140,11 @@ class Live:
             opener: as in `Live`
             options: options of `Station`, such as `report` and `on_error`
         """
+        from eurobot_od.device.node import Node
         from eurobot_od.device.station import OnError, Station  # a controller alone needs no nodes
+
+        if not isinstance(node, Node):
+            raise LocalError(f"{type(node).__name__} is no node: write Live.node(bus, node)")
 
         station = Station(node, **{"on_error": OnError.RESTART} | options)
         return cls(bus, station.controller, station, clock, opener)

@@ -13,8 +13,16 @@ from canopen.objectdictionary import ODVariable
 from eurobot_od.check.shapes import ABORTS, NAME, TRANSFERS, WITHIN, ActionRow, DocumentShapes, MakeRow, pairs_at
 from eurobot_od.check.suite import AbortCodes, Blocks, Mismatch, NodeServices
 from eurobot_od.check.tester import BenchTester, Failed, Skipped
-from eurobot_od.check.values import Expected, ObjectValues, Operand, ValueProblem, Variables, expectation
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.check.values import (
+    Expected,
+    ObjectValues,
+    Operand,
+    ValueProblem,
+    Variables,
+    expectation,
+    unknown_variable,
+)
+from eurobot_od.errors import LocalError
 from eurobot_od.od import objects, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ERRORS, SYNC_COUNTER, SYNC_PERIOD
@@ -256,7 +264,7 @@ class SdoReader:
             _check_together(verb, given)
             dictionary = self._services.dictionary(given.get("node"))
             if verb == "restore" and given["saved"] not in self._words.saved:
-                raise UnknownName("variable", given["saved"], sorted(self._words.saved))
+                raise unknown_variable(given["saved"], sorted(self._words.saved))
         named = taken(given[verb], problems, lambda text: objects.find_one(text, dictionary.objects))
         value = next((given[key] for key in ("data", "expect", "value") if key in given), None)
         where = given[verb] if value is None else value

@@ -6,7 +6,7 @@ reported in one run. Only `text`, which makes the files, writes to the disk.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Annotated, TypeAlias
 
 import yaml
 
+from eurobot_od.errors import UnknownName
 from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.fingerprints import FINGERPRINTS, MOST_MESSAGES
 from eurobot_od.od.meanings import RESERVED_SIGNS, ObjectMeaning
@@ -306,9 +307,9 @@ def unknown_settings(table: Table, dialect: DialectRow) -> Iterator[Problem]:
         yield from unknown("setting", fields, known.get(name, fields))
 
 
-def unknown(kind: str, names: Iterable[PlacedText], known: Container[str]) -> Iterator[Problem]:
+def unknown(kind: str, names: Iterable[PlacedText], known: Collection[str]) -> Iterator[Problem]:
     """Yield a problem for each of the `names` that is not in `known`."""
-    yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in known)
+    yield from (Problem(each.place, str(UnknownName(kind, str(each), known))) for each in names if each not in known)
 
 
 def repeated_values(table: Table) -> Iterator[Problem]:

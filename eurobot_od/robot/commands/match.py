@@ -16,6 +16,7 @@ from eurobot_od import loading
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.devices import Dialect
+from eurobot_od.cli.lint import differs_from_table
 from eurobot_od.cli.options import LONG_RUN, BusOptions, Campaign, Faults, Json, assigned, counted, span_below
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
@@ -180,9 +181,19 @@ def match(asked: AskedMatch) -> ExitStatus:
     usual = options.facts().duration
     if asked.duration and asked.duration > LONG * usual:
         complain(f"--for: a match of {asked.duration:g} s; robot.yaml says {usual} s")
+    if _is_changed(asked.robot):
+        differs_from_table(asked.robot)
     if asked.compare:
         return _compare(asked, options)
     return _run_one(asked, options) if asked.seeds is None else _run_many(asked, asked.seeds, options)
+
+
+def _is_changed(robot: Plugin) -> bool:
+    """Return whether a team's own table was written after its EDS files."""
+    table, folder = robot.table, robot.dialects.root
+    if not (robot.folder and folder and table and table.is_file()):
+        return False
+    return any(each.stat().st_mtime < table.stat().st_mtime for each in folder.glob("*/*.eds"))
 
 
 # One match

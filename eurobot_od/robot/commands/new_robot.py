@@ -16,7 +16,7 @@ from eurobot_od import loading
 from eurobot_od.cli import PROGRAM, RobotName
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import check_new_folder, write_whole
 
 FILES = Path(__file__).parents[1] / "new_robot"
 """Folder of the templates of a new robot; the suffix `.new` keeps them from being part of this package."""
@@ -57,8 +57,7 @@ def new_robot(
 
     $ new-robot mine
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise LocalError(f"{folder}: it is there, and not empty")
+    check_new_folder(folder)
     called = name or folder.resolve().name
     # The name is inserted into YAML, Python and an EDS, which is ASCII, without escapes.
     if not (called.isprintable() and called.isascii()) or set(called) & set("\"'\\"):

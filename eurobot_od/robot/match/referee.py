@@ -35,7 +35,7 @@ from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.core.flows import GotoReport
 from eurobot_od.robot.world.world import REACH, REACH_ANGLE, EventKind, Timeline
 from eurobot_od.support import extras
-from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import amount, parameters
 
 AHEAD = " ahead"
 """How the core ends the reason of a stop for something that its distance sensor saw."""
@@ -157,6 +157,9 @@ LAST_LINES = 5
 PACKAGE = Path(__file__).resolve().parents[2]
 """The folder of this package: calls inside it mean nothing to the team."""
 
+PYTHON = Path(os.__file__).resolve().parent
+"""The folder of Python's own modules, and of those that are installed."""
+
 CARETS = " ~^"
 """The characters with which Python 3.11 and later underline the place in a line."""
 
@@ -170,7 +173,7 @@ UNEXPECTED = re.compile(r"^Core\.(\w+)\(\) got an unexpected keyword argument")
 
 def is_foreign(file: str) -> bool:
     """Return whether a file is a team's own."""
-    return not file.startswith("<") and PACKAGE not in Path(file).resolve().parents
+    return not file.startswith("<") and not {PACKAGE, PYTHON} & {*Path(file).resolve().parents}
 
 
 def _last_lines(error: BaseException) -> str:
@@ -180,8 +183,7 @@ def _last_lines(error: BaseException) -> str:
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
     lines = "".join(told.format()).strip().splitlines()
     if isinstance(error, TypeError) and (wrong := UNEXPECTED.match(str(error))):
-        _, *has = signature(getattr(Core, wrong[1])).parameters
-        lines[-1] += f"; {wrong[1]} has {', '.join(has)}"
+        lines[-1] += f"; write {wrong[1]}{parameters(getattr(Core, wrong[1]), 1)}"
     return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
 
 
@@ -468,6 +470,8 @@ def load_strategy(file: Path) -> Strategy:
     What the file prints while it is loaded goes to standard error. Raises LocalError with the line of the file if it
     cannot be read, is not Python, raises, or has no coroutine function `play` that takes the core.
     """
+    if file.is_dir():
+        raise LocalError(f"{file} is a folder: name a Python file in it, such as {file / 'strategy.py'}")
     if file.suffix not in ("", ".py"):
         raise LocalError(f"{file}: a strategy is a Python file, such as {file.stem}.py")
     play = getattr(extras.load(file), "play", None)

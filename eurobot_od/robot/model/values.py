@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
+from eurobot_od.errors import LocalError
+
 OURS = "ours"
 """Name of our robot among those on the field."""
 
@@ -131,7 +133,9 @@ class Barriers(int):
 
     @classmethod
     def of(cls, passages: Mapping[int, Passage]) -> Barriers:
-        """Return the flags for barrier numbers 1 to 8 and their passages."""
+        """Return the flags for barrier numbers 1 to 8 and their passages; raises LocalError for another number."""
+        if wrong := [number for number in passages if number not in range(1, FLAGGED + 1)]:
+            raise LocalError(f"barrier {wrong[0]!r} is unknown; known: 1 to {FLAGGED}")
         return cls(sum(passage << 2 * (number - 1) for number, passage in passages.items()))
 
     def passage(self, number: int) -> Passage:

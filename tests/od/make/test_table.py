@@ -62,6 +62,7 @@ INVALID = {
     "dialect as a path": ("  other:", "  ^o/ther:", "expected a name of letters, digits, _ and -, found 'o/ther'"),
     # what does not hold between the parts
     "unknown node": ("receivers: [drive]", "receivers: [^wheel]", "unknown node 'wheel'"),
+    "misspelt node": ("receivers: [drive]", "receivers: [^dirve]", "unknown node 'dirve'; did you mean drive?"),
     "unknown watched node": ("watches: [drive]", "watches: [^wheel]", "unknown node 'wheel'"),
     "unknown object": ("object: Target", "object: ^Goal", "unknown object 'Goal'"),
     "unknown object in dialect": ("first: [Target]", "first: [^Goal]", "unknown object 'Goal'"),
@@ -211,11 +212,18 @@ def complaints(text: str) -> list[str]:
     return str(error.value).split("\n")
 
 
+def test_a_name_that_is_not_known_is_told_with_the_known_ones() -> None:
+    text, place = marked(TABLE.replace("receivers: [drive]", "receivers: [^wheel]", 1))
+    assert complaints(text) == [f"table.yaml:{place}: unknown node 'wheel'; known: core, drive"]
+
+
 @rows("old, new, what", INVALID.values())
 def test_tells_place_and_reason(old: str, new: str, what: str) -> None:
     assert old in TABLE
     text, place = marked(TABLE.replace(old, new, 1))
-    assert complaints(text) == [f"table.yaml:{place}: {what}"]
+    told, *others = complaints(text)
+    assert not others
+    assert told.removeprefix(f"table.yaml:{place}: {what}").partition(" ")[0] in ("", ";")
 
 
 def test_tells_all_problems_at_once() -> None:

@@ -239,9 +239,8 @@ def test_a_parameter_that_a_goto_does_not_have_is_told_with_those_that_it_has(
 ) -> None:
     file = mine("async def play(core):\n    core.goto(9, 0, 0, velocity=50)\n")
     said = run(capsys, *SHORT, "--strategy", str(file))
-    assert said.complaint.endswith(
-        "argument 'velocity'; goto has x, y, angle, speed, barriers, direction, route, timeout"
-    )
+    assert "argument 'velocity'; write goto(x, y, angle, speed, barriers=" in said.complaint
+    assert said.complaint.endswith("route=Route.PLANNED, timeout=None)")
 
 
 def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
@@ -383,6 +382,13 @@ def test_wrong_usage_is_the_last_line(capsys: pytest.CaptureFixture[str], words:
             2,
             "a second robot takes the place of an enemy, and the match has none",
         ),
+        (
+            ["--fault", "drive.goto-not-sent"],
+            2,
+            "--fault drive.goto-not-sent: no simulated device can have it (core, drive, navigation): "
+            "it is one of the core; `faults` lists those of any device",
+        ),
+        (["--strategy", "."], 2, ". is a folder: name a Python file in it, such as strategy.py"),
         (["--fault", "goto-not-send"], 2, "unknown fault 'goto-not-send'; did you mean goto-not-sent?"),
         (
             ["--world", "wheel_nose=1"],

@@ -118,6 +118,9 @@ def test_files_that_do_not_belong_together_are_told(mine: Path) -> None:
     assert said.returncode == 1
     assert "eds/canopen/core.eds: differs first in line " in said.stderr
     assert "`make-eds eds/protocol.yaml -o eds` writes it anew" in said.stderr
+    assert (
+        "eds/canopen/core.eds: differs first in line " in command(mine, ["match", "--robot", ".", "--for", "1"]).stderr
+    )
     (mine / "robot.py").write_text((mine / "robot.py").read_text().replace('"lift": Lift', '"lfit": Lift'))
     assert "unknown node with an EDS file 'lfit'; did you mean lift?" in command(mine, ["show", "--robot", "."]).stderr
 
@@ -195,7 +198,7 @@ def test_its_c_header_compiles_and_packs_its_messages(made: Path, tmp_path: Path
 def test_a_folder_that_is_not_empty_is_left_alone(made: Path) -> None:
     before = sorted(made.rglob("*"))
     said = command(made.parent, ["new-robot", "mine"])
-    assert (said.returncode, said.stderr) == (2, "eurobot-od: mine: it is there, and not empty\n")
+    assert (said.returncode, said.stderr) == (2, "eurobot-od: mine: it is there, and not empty; name a new folder\n")
     assert sorted(made.rglob("*")) == before
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Any
 
 import pytest
 
+from eurobot_od.errors import LocalError
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model.values import (
     Barriers,
@@ -70,6 +72,12 @@ def test_barrier_flags_are_read(flags: int, passages: dict[int, Passage]) -> Non
 @pytest.mark.parametrize("passages", [passages for _, passages in FLAGS])
 def test_barrier_flags_are_built(passages: dict[int, Passage]) -> None:
     assert dict(Barriers.of(passages).set_barriers()) == passages
+
+
+@pytest.mark.parametrize("number", [0, 9, "fire-1"])
+def test_a_barrier_that_is_not_on_the_field_is_refused(number: Any) -> None:
+    with pytest.raises(LocalError, match=f"^barrier {number!r} is unknown; known: 1 to 8$"):
+        Barriers.of({number: Passage.NORMAL})
 
 
 def test_barriers_are_written_by_their_numbers() -> None:

@@ -77,6 +77,12 @@ def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
 
 
 @pytest.mark.long
+def test_a_match_that_has_lost_its_way_before_the_fault_need_not_go_on() -> None:
+    late = Cell("Emergency Shutdown", "stray", 22.258, seed=739955, navigation=DEAD, again=AT_ONCE)
+    assert loss_matrix.attempt(late).wrong == ""
+
+
+@pytest.mark.long
 def test_a_match_goes_on_in_real_time_after_the_core_hung_without_a_navigation() -> None:
     assert loss_matrix.attempt(Cell("core", "pause 1 s", 7.0, navigation=DEAD, live=True)).wrong == ""
 
