@@ -312,8 +312,8 @@ def test_every_problem_of_a_table_is_a_line_and_nothing_is_written(
     said = run(capsys, "make-eds", str(table), "-o", str(tmp_path / "eds"))
     assert (said.status, said.out) == (2, "")
     assert [line.partition(": ")[2] for line in said.err.splitlines()] == [
-        "unknown node 'wheel'",
-        "unknown object 'Goal'",
+        "unknown node 'wheel'; known: core, drive",
+        "unknown object 'Goal'; known: Target, Long",
     ]
     lines = [n for n, line in enumerate(table.read_text().split("\n"), start=1) if "wheel" in line or "Goal" in line]
     assert [int(line.split(":")[1]) for line in said.err.splitlines()] == 2 * lines
