@@ -50,7 +50,8 @@ class Frame(NamedTuple):
         except (TypeError, ValueError):
             content = None
         if content is None or len(content) > MOST_BYTES:
-            raise FieldError(f"frame 0x{cob_id:03X}", "data", data, f"up to {MOST_BYTES} bytes")
+            as_bytes = f", such as bytes.fromhex({data!r})" if isinstance(data, str) else ""
+            raise FieldError(f"frame 0x{cob_id:03X}", "data", data, f"up to {MOST_BYTES} bytes{as_bytes}")
         return cls(cob_id, content)
 
     @classmethod

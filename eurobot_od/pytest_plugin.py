@@ -17,7 +17,7 @@ from contextlib import ExitStack
 from functools import cached_property, partial
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Never
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pytest
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from eurobot_od.client.remote_device import RemoteDevice
     from eurobot_od.plugin import Plugins
     from eurobot_od.support.yaml_places import Place
+
+Result = TypeVar("Result")
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
 """Patterns for the names of suite files."""
@@ -266,6 +268,25 @@ def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
     return open_bus(interface, config.getoption("eurobot_channel"), config.getoption("eurobot_bitrate"))
 
 
+def _called_as(name: str, function: Callable[..., Result]) -> Callable[..., Result]:
+    """Return a function that fails the test, with its form, if its arguments do not fit."""
+    from inspect import signature
+
+    from eurobot_od.support.texts import parameters
+
+    def call(*arguments: Any, **names: Any) -> Result:
+        complaint = ""
+        try:
+            signature(function).bind(*arguments, **names)
+        except TypeError as error:
+            complaint = f"{name}{parameters(function)}: {error}"
+        if complaint:  # not in the `except`, as pytest would show both exceptions
+            pytest.fail(complaint, pytrace=False)
+        return function(*arguments, **names)
+
+    return call
+
+
 # Fixtures
 
 
@@ -277,23 +298,31 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
     whose random numbers come from `seed`.
     """
 
-    def check(file: str, faults: Sequence[str] = (), seed: int = 1, **others: Never) -> list[SuiteResult]:
-        from eurobot_od.errors import FileError, LocalError
+    def check(file: str, faults: Sequence[str] = (), seed: int = 1) -> list[SuiteResult]:
+        from eurobot_od.errors import FileError, LocalError, UnknownName
 
-        if others or isinstance(faults, str):
-            pytest.fail('write eurobot_check("drive.yaml", faults=["stop-ignored"], seed=1)', pytrace=False)
+        faults = [faults] if isinstance(faults, str) else faults
         beside = request.path.with_name(file)
+        results: list[SuiteResult] = []
+        complaint = ""
         try:
-            path = beside if beside.is_file() else _plugins(request.config).suite(file)
+            plugins = _plugins(request.config)
+            path = beside if beside.is_file() else plugins.suite(file)
+            if not path.is_file():
+                raise UnknownName(
+                    "suite, neither beside this test nor of the robot:", path.stem, plugins.shipped_suites()
+                )
             suites = _read(request.config, path)
             _check_faults(request.config, suites, faults)
-            results = [_run(request.config, suite, faults, seed) for suite in suites]
+            results += (_run(request.config, suite, faults, seed) for suite in suites)
         except (FileError, LocalError) as error:
-            pytest.fail(str(error), pytrace=False)
+            complaint = str(error)
+        if complaint:  # not in the `except`, as pytest would show both exceptions
+            pytest.fail(complaint, pytrace=False)
         _fail(step for result in results for step in result.steps)
         return results
 
-    return check
+    return _called_as("eurobot_check", check)
 
 
 @pytest.fixture
@@ -339,4 +368,4 @@ def eurobot_node(request: pytest.FixtureRequest, eurobot_network: Network) -> Ca
             return eurobot_network.simulate(dictionary)
         return eurobot_network.add(dictionary.node_id, dictionary)
 
-    return reach
+    return _called_as("eurobot_node", reach)

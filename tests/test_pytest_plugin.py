@@ -147,6 +147,28 @@ def test_a_suite_named_as_an_argument_needs_no_pattern(pytester: pytest.Pytester
     assert pytester.runpytest_inprocess(*PLUGIN).ret == pytest.ExitCode.NO_TESTS_COLLECTED
 
 
+MISUSES = {
+    "a parameter of another name": (
+        'eurobot_check("drive", fault="stop-ignored")',
+        "*eurobot_check(file, faults=(), seed=1): *'fault'",
+    ),
+    "... of a node": ('eurobot_node("motor.eds", id=5)', "*eurobot_node(file, node_id=None): *'id'"),
+    "a suite that is not there": (
+        'eurobot_check("drives.yaml")',
+        "unknown suite, neither *'drives'; did you mean drive?",
+    ),
+}
+
+
+@pytest.mark.parametrize(("call", "said"), MISUSES.values(), ids=MISUSES)
+def test_a_fixture_that_is_called_wrongly_says_how(call: str, said: str, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(f"def test_it(eurobot_check, eurobot_node):\n    {call}\n")
+    result = pytester.runpytest_inprocess(*PLUGIN)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([said])
+    assert "During handling" not in result.stdout.str()
+
+
 def test_a_suite_for_devices_that_nothing_names_says_how_to_name_them(pytester: pytest.Pytester) -> None:
     pytester.path.joinpath("own.check.yaml").write_text(SUITE)
     result = pytester.runpytest_inprocess(*PLUGIN)

@@ -31,7 +31,7 @@ from eurobot_od.client.motion import (
     StopKind,
 )
 from eurobot_od.client.streams import Closed
-from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused, look_up
+from eurobot_od.errors import BusError, DriveError, LocalError, NodeRefused, UnknownName, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import METHODS, DriveCommand, Mode, State
@@ -407,6 +407,8 @@ class DriveAtNode(Closed):
 
     async def _choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
         """Choose a mode of operation, and wait until the drive shows it."""
+        if not isinstance(mode, int):
+            raise UnknownName("mode of operation", mode, [f"Mode.{each.name}" for each in Mode])
         if await self._read(cia402.MODE_DISPLAY) != mode:
             await self._write(cia402.MODE, mode)
             shown, is_chosen = await self._poll(within, lambda shown: shown == mode, cia402.MODE_DISPLAY)

@@ -42,7 +42,7 @@ from eurobot_od.client.master import (
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import BlockingPdoStream, PdosOfDirection, RemotePdos
 from eurobot_od.device.nmt import TARGET, TOGGLE, NmtCommand, NmtState, canopen_state, command_to
-from eurobot_od.errors import DictionaryError, HeartbeatLost, LocalError, StateError, UnknownName
+from eurobot_od.errors import DictionaryError, HeartbeatLost, LocalError, StateError, UnknownName, look_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dcf import ChosenCobIds
@@ -523,7 +523,7 @@ class DeviceAtNode(streams.Keyed):
         return await self._plan(file, cob_ids)
 
     async def _plan(self, file: str | Path, cob_ids: CobIdChoice) -> ChangePlan:
-        chosen = ChosenCobIds(cob_ids) if cob_ids else None
+        chosen = look_up("choice of COB-IDs", cob_ids, {each.value: each for each in ChosenCobIds}) if cob_ids else None
         try:
             dictionary = Dictionary.load(file)
         except DictionaryError as error:

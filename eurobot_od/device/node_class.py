@@ -30,6 +30,9 @@ HANDLER = ("self", "message")
 READER = ("self",)
 """Arguments of a handler, and of a function that reads an object."""
 
+FUNCTIONS = {"READERS": READER, "WRITERS": ("self", "value")}
+"""Tables of a `SimulatedDevice`, with the arguments of their functions."""
+
 
 # Checks of a class alone
 
@@ -74,10 +77,10 @@ def wrong_handlers(kind: Any, node: type) -> Iterator[tuple[str, str]]:
 
 def wrong_values(kind: type, _: type) -> Iterator[tuple[str, str]]:
     """Yield readers and writers of a simulated device that cannot be called."""
-    for table in ("READERS", "WRITERS"):
+    for table, arguments in FUNCTIONS.items():
         for name, function in own(kind, table).items():
-            if not callable(function):
-                yield str(name), f"has {function!r} for {name} in {table}; a function is meant"
+            if what := not_called_with(function, arguments):
+                yield str(name), f"has in {table} for {name!r} a function {what}"
 
 
 def not_a_message(kind: Any, key: Any) -> str:

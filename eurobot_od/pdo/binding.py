@@ -353,6 +353,8 @@ def parse(binding: Binding, fields: Sequence[str]) -> Message:
     values: dict[str, Any] = {}
     for text in fields:
         written, given, value = text.partition("=")
+        if not given and (name := written.partition(":")[0]) in binding.kinds and ":" in written:
+            raise LocalError(f"{text}: write FIELD=VALUE, such as {name}={written.partition(':')[2]}")
         field = written if written in binding.kinds else binding.field(written)
         if field in values:
             raise LocalError(f"{binding.name}: {field} given twice")

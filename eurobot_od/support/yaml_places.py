@@ -310,7 +310,7 @@ MISTAKES = (
     (r".*unknown escape character '(?P<sign>.+)'", r"\{sign} means nothing in double quotes; take single ones"),
     (r".*could not find expected ':'", "a line without ': '; a key has a colon and a space behind it"),
     (r"flow sequence\|.*", "a list in [ ] lacks a comma, or its ]"),
-    (r"flow mapping\|.*", "a mapping in {{ }} lacks a comma, or its }}"),
+    (r"flow mapping\|.*", "a mapping in {{ }} lacks a comma, or its }}; behind ' #' all is a comment"),
     (r"block mapping\|.*'<scalar>'", "something behind a text in quotes; put all of it in quotes"),
     (r"block (mapping|collection)\|.*<block end>.*", "this line is not indented like those it belongs to"),
     (r".*node content.*", "a value is missing"),

@@ -169,7 +169,8 @@ def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
         except nodes.ReadError:
             value = None
         if value is None or not allowed.low <= value <= allowed.high:
-            nodes.refuse(node, problems, f"{name} = {nodes.shown(node)} is not allowed; allowed: {words}")
+            unit = ", with its unit, such as 20 ms" if value is None and shape is DURATION else ""
+            nodes.refuse(node, problems, f"{name} = {nodes.shown(node)} is not allowed; allowed: {words}{unit}")
         return value  # type: ignore[no-any-return]
 
     return Shape(read)

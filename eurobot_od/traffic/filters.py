@@ -93,6 +93,8 @@ def by_value(text: str, protocol: Protocol) -> Wanted:
     match = CONDITION.fullmatch(text)
     if match and match["value"][0] in "<>=!":
         raise LocalError(f"{text!r}: {match['operator'] + match['value'][0]} is none of {', '.join(OPERATORS)}")
+    if match and re.search(r"\s(?:and|or|&&|\|\|)\s", match["value"]):
+        raise LocalError(f"{text!r}: a filter is one comparison; give several, and an entry has to fit them all")
     if match is None:
         quoted = "" if OPERATORS.keys() & {*text} else "; write it in quotes, as a shell takes > and < for itself"
         raise LocalError(f"{text!r} is not a comparison such as `x>1000` or `MESSAGE.x>1000`{quoted}")

@@ -211,6 +211,12 @@ MISTAKES = {
         "own.check.yaml: not an EDS: it has no section of one; it is checked by check own.check.yaml",
     ),
     "a version as a command": ("version", 2, "unknown command 'version'; here that is --version"),
+    "two conditions in one": (
+        "decode|frames.txt|--where|x > 1000 and x < 2000",
+        2,
+        "'x > 1000 and x < 2000': a filter is one comparison; give several, and an entry has to fit them all",
+    ),
+    "a colon after a field": ("send|Move To|x:5|-i|virtual", 2, "x:5: write FIELD=VALUE, such as x=5"),
     "a PDO forgotten": (
         "pdo|5|disable|-i|virtual",
         2,
@@ -615,7 +621,7 @@ STEPS = {
     ),
     "a bracket forgotten": (
         "  - send: {Move To: {x: 1, y: 1, angle: 2, speed: 3}\n",
-        "6:1: a mapping in { } lacks a comma, or its }",
+        "6:1: a mapping in { } lacks a comma, or its }; behind ' #' all is a comment",
     ),
     "a quote forgotten": ("  - wait: '1 s\n", "6:1: a quote that begins a text is never closed"),
     "an expectation without quotes": (

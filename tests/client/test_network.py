@@ -669,6 +669,22 @@ REFUSED: list[tuple[Callable[[Any], object], type[Exception], str]] = [
         "'left' is not a homing method of CiA 402; known: 1..14, 17..30, 33..35, 37, and a maker's below 0",
     ),
     (lambda drive: drive.network.scan(["5"]), LocalError, "node-ID '5' is not in 1..127"),
+    (
+        lambda drive: drive.configure(DCF, cob_ids="same"),
+        UnknownName,
+        "unknown choice of COB-IDs 'same'; known: keep, move",
+    ),
+    (
+        lambda drive: drive.drive402.choose("velocity"),
+        UnknownName,
+        "unknown mode of operation 'velocity'; did you mean Mode.VELOCITY or "
+        "Mode.PROFILE_VELOCITY or Mode.CYCLIC_VELOCITY?",
+    ),
+    (
+        lambda drive: drive.network.send(0x205, "0F00"),
+        FieldError,
+        "frame 0x205: data = '0F00' is not allowed; allowed: up to 8 bytes, such as bytes.fromhex('0F00')",
+    ),
     (lambda drive: drive[6081], UnknownName, "unknown object 6081; did you mean 0x6081?"),
     (
         lambda drive: drive["Current control"].P_gain,

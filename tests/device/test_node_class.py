@@ -51,7 +51,7 @@ WHEN_MADE = [
     ("HANDLERS = {MoveTo: 'go'}", 0, "a handler for MoveTo that cannot be called, 'go'"),
     (ASYNC, 1, "that is asynchronous or a generator, go; nobody would run it"),
     ("HANDLERS = [(MoveTo, go)]", 0, "HANDLERS of type list; a table is meant: HANDLERS = {...}"),
-    ("READERS = {'Place': 5}", 0, "has 5 for Place in READERS; a function is meant"),
+    ("READERS = {'Place': 5}", 0, "has in READERS for 'Place' a function that cannot be called, 5"),
     ("HANDLER = {MoveTo: go}", 0, "a table HANDLER, which no node reads; did you mean HANDLERS?"),
     ("OBJECTS = {'Move to': MoveTo}", 0, "binds 'Move to' to MoveTo; BoundObject(write=MoveTo) is meant"),
     (
@@ -65,6 +65,12 @@ WHEN_MADE = [
         "writing of 'Move to' to MoveTwo, which is not in its",
     ),
     ("MEASURED = {'Motor.Temperature': 20}", 0, "measures 'Motor.Temperature' by a function that cannot be called, 20"),
+    (
+        "READERS = {'Place': lambda: 20}",
+        0,
+        "has in READERS for 'Place' a function with the arguments (); it is called with",
+    ),
+    ("WRITERS = {'Place': lambda word: 20}", 0, "has in WRITERS for 'Place' a function with the arguments (word); it"),
     ("def tick(self, now): return []", 0, "a method tick that does not call super().tick(...), without which the node"),
     (
         "def stop(self): ...\ndef send(self): ...",

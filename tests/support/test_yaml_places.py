@@ -145,7 +145,10 @@ TEXTS = {
     "no space behind the colon": ("key:value\nb^: 1\n", COLON),
     "a list without its end": ("a: [1\nb^: 2\n", "a list in [ ] lacks a comma, or its ]"),
     "a list without commas": ("a: ['x' ^'y']\n", "a list in [ ] lacks a comma, or its ]"),
-    "a mapping without its end": ("a: {x: 1\nb^: 2\n", "a mapping in { } lacks a comma, or its }"),
+    "a mapping without its end": (
+        "a: {x: 1\nb^: 2\n",
+        "a mapping in { } lacks a comma, or its }; behind ' #' all is a comment",
+    ),
     "greater": ("a: > ^0\n", QUOTES),
     "greater or equal": ("a: >^= 3\n", QUOTES),
     "greater in a mapping": ("a: {t: ^> 0}\n", QUOTES),

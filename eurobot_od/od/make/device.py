@@ -79,7 +79,7 @@ def device_eds(table: DeviceTable, file_name: str) -> bytes:
         *map(profile, table.profiles),
         *(said(target, {"DefaultValue": f"0x{number:08X}"}) for target, number in numbers.items()),
         *(_placed(target, said(target, entries)) for target, entries in table.objects.items()),
-        *(mapped(pdo, objects) for pdo, objects in table.pdos.items()),
+        *(_placed(pdo, mapped(pdo, objects)) for pdo, objects in table.pdos.items()),
     ]
     return edited(_head(table, file_name).encode(), file_name, changes)
 

@@ -88,7 +88,9 @@ def test_a_strategy_that_is_no_text_is_one_line(mine: Path) -> None:
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(("name", "complaint"), [("", "is a folder: name a Python file in it"), ("none.py", "No such file or directory")])
+@pytest.mark.parametrize(
+    ("name", "complaint"), [("", "is a folder: name a Python file in it"), ("none.py", "No such file or directory")]
+)
 def test_a_strategy_that_cannot_be_read_is_an_error(tmp_path: Path, name: str, complaint: str) -> None:
     with pytest.raises(LocalError, match=complaint):
         load_strategy(tmp_path / name)

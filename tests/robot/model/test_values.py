@@ -80,6 +80,11 @@ def test_a_barrier_that_is_not_on_the_field_is_refused(number: Any) -> None:
         Barriers.of({number: Passage.NORMAL})
 
 
+def test_barriers_are_given_by_number_and_passage() -> None:
+    with pytest.raises(LocalError, match=r"^\[1, 7\] is no mapping; write Barriers\.of\(\{1: Passage\.NORMAL\}\)$"):
+        Barriers.of([1, 7])  # type: ignore[arg-type]
+
+
 def test_barriers_are_written_by_their_numbers() -> None:
     barriers = Barriers.of({2: Passage.FORCED, 7: Passage.NORMAL, 1: Passage.FREE})
     assert str(barriers) == "2:forced, 7:normal"

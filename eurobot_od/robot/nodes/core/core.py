@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import START, Ask, Call, Script
-from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.errors import NoAnswer, StateError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.robot.model import messages
@@ -160,8 +160,10 @@ class Core(CoreSettings):
         """Return where a robot was last seen; None if it never was.
 
         Unlike `positions` it leaves out unknown places, and those that the robot cannot have driven to (see
-        `sightings`).
+        `sightings`). Raises UnknownName for what is no Source.
         """
+        if not isinstance(whom, Source):
+            raise UnknownName("robot", whom, [f"Source.{each.name}" for each in Source])
         return self._positions.tracks[whom].last
 
     # Calls

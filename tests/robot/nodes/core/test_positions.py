@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.errors import UnknownName
 from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model.messages import (
     ConfederatePositionRequest,
@@ -99,6 +100,8 @@ def test_positions_are_kept_with_the_time_they_came(alone: Bench) -> None:
 
 def test_where_a_robot_was_seen_last_is_kept_while_it_is_not_seen(alone: Bench) -> None:
     assert alone.core.last_seen(Source.ENEMY_1) is None
+    with pytest.raises(UnknownName, match=r"^unknown robot 'enemy 1'; did you mean Source\.ENEMY_1"):
+        alone.core.last_seen("enemy 1")  # type: ignore[arg-type]
     for x, y in ((700, 800), (None, None)):
         alone.say("navigation", Enemy1PositionResponse(x, y, None, Source.ENEMY_1))
     seen = alone.core.last_seen(Source.ENEMY_1)
