@@ -101,7 +101,8 @@ def blocking(
         try:
             begun = steps(self, *arguments, **names)
         except TypeError as error:  # the arguments do not fit: none of the coroutine has run yet
-            name = next(each for each in dir(type(self)) if getattr(type(self), each) is run)
+            names_of = (each for each in dir(type(self)) if getattr(type(self), each, None) is run)
+            name = next(names_of, steps.__name__)  # a method that hides it may call it
             what = str(error).partition("() ")[2]
             raise TypeError(f"{type(self).__name__}.{name}{parameters(steps, 1)}: {what}") from None
         return finished(begun)

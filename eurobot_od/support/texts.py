@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from enum import Enum
-from inspect import Signature, signature
 from itertools import count
 from math import inf
 from typing import Any, NamedTuple
@@ -40,6 +39,8 @@ def described(error: BaseException) -> str:
 
 def parameters(function: Callable[..., object], without: int = 0) -> str:
     """Format a function's parameters, `(file, *, store=True)`, `without` the first ones."""
+    from inspect import Signature, signature  # here, as every command imports this module
+
     each = [*signature(function).parameters.values()][without:]
     shown = [one.replace(default=_Member(one.default)) if isinstance(one.default, Enum) else one for one in each]
     return str(Signature([one.replace(annotation=Signature.empty) for one in shown]))

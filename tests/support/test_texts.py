@@ -29,6 +29,7 @@ from eurobot_od.support.texts import (
     is_duration,
     microseconds,
     one_line,
+    parameters,
     seconds,
     text,
 )
@@ -236,3 +237,10 @@ def test_durations_are_formatted(duration: float, shown: str) -> None:
 
 def test_the_first_free_name_is_numbered_from_2_on() -> None:
     assert [first_free("a", taken) for taken in ((), {"a"}, {"a", "a_2"})] == ["a", "a_2", "a_3"]
+
+
+def test_the_parameters_of_a_function_are_written_as_a_program_writes_them() -> None:
+    def match(core: object, seed: int = 1, *, status: Status = Status.PASSED, log: str | None = None) -> None: ...
+
+    assert parameters(match) == "(core, seed=1, *, status=Status.PASSED, log=None)"
+    assert parameters(match, 1) == "(seed=1, *, status=Status.PASSED, log=None)"
