@@ -374,7 +374,9 @@ class _Writer:
     def _dummies(self) -> None:
         section = self._device.section("dummyusage")
         records = (each for each in self._device.objects.values() if each.index in values.MAPPINGS)
-        numbers = (entry.value for each in records for sub, entry in each.subs.items() if sub)
+        entries_of = [entry for each in records for sub, entry in each.subs.items() if sub]
+        # The EDS of a DCF has the default, which may map what the value does not.
+        numbers = (entry.number(key) for entry in entries_of for key in ("defaultvalue", "parametervalue"))
         mapped = {MappingEntry.of(number.value).index for number in numbers if number}
         self._head("DummyUsage", section)
         entries = section.entries if section else {}

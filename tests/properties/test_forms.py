@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from canopen.objectdictionary import ODVariable
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.export.xdd import xdd_text
@@ -64,7 +64,28 @@ def test_the_eds_of_a_dcf_is_the_eds_that_it_was_made_from(file: File) -> None:
     assert eds_text(read(made.content, "device.dcf"), NAME) == eds_text(clean, NAME)
 
 
+MAPS_BY_DEFAULT = b"""[MandatoryObjects]
+SupportedObjects=0
+[1A00]
+ParameterName=mapping
+ObjectType=8
+SubNumber=2
+[1A00sub0]
+ParameterName=number
+DataType=0x0005
+AccessType=ro
+[1A00sub1]
+ParameterName=first
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x00010000
+ParameterValue=0
+"""
+"""Maps a dummy by its DefaultValue, which alone an EDS has."""
+
+
 @given(files())
+@example(File(MAPS_BY_DEFAULT, {}))
 def test_a_clean_eds_stays_as_it_is(file: File) -> None:
     once = eds_text(loaded(file), NAME)
     assert eds_text(read(once), NAME) == once

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import can
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from eurobot_od.errors import FrameLengthError, UnknownIdentifier
@@ -46,6 +46,7 @@ def read(content: bytes, form: str) -> list[Raw]:
 
 @pytest.mark.parametrize("form", sorted(formats.FORMATS.keys() - formats.BY_NAME))
 @given(content=st.binary(max_size=400))
+@example(content=b"\0\t\r\0")
 def test_any_bytes_are_read_without_an_error(form: str, content: bytes) -> None:
     assert all(isinstance(raw, (Frame, Foreign)) for raw in read(content, form))
 

@@ -180,7 +180,10 @@ class ColumnsFormat(LineFormat):
         return True
 
     def _split(self, line: str) -> list[str]:
-        return next(csv.reader([line.strip()], delimiter=self._delimiter))
+        try:
+            return next(csv.reader([line.strip()], delimiter=self._delimiter))
+        except csv.Error:  # a carriage return within the line, or a field of 128 KiB
+            return [line]
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         if not self._places:
