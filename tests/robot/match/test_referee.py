@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 
+from eurobot_od.device.faults import DRIVE_FAULTS
 from eurobot_od.errors import RemoteError, StateError
 from eurobot_od.plugin import Plugins
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
@@ -236,7 +237,7 @@ async def to_and_fro(core: Core) -> None:
 
 
 @pytest.mark.long
-@rows("name", Plugins(ROBOT).fault_names())
+@rows("name", [name for name in Plugins(ROBOT).fault_names() if name not in DRIVE_FAULTS])
 def test_a_match_with_any_fault_has_an_end(name: str) -> None:
     """Some faults block the start: then NoAnswer, or another error, says so."""
     with suppress(RemoteError, StateError):
