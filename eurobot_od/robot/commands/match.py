@@ -16,7 +16,6 @@ from eurobot_od import loading
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.lint import differs_from_table
 from eurobot_od.cli.options import LONG_RUN, BusOptions, Campaign, Faults, Json, assigned, counted, span_below
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
@@ -182,6 +181,8 @@ def match(asked: AskedMatch) -> ExitStatus:
     if asked.duration and asked.duration > LONG * usual:
         complain(f"--for: a match of {asked.duration:g} s; robot.yaml says {usual} s")
     if _is_changed(asked.robot):
+        from eurobot_od.cli.lint import differs_from_table  # its rules take time to import
+
         differs_from_table(asked.robot)
     if asked.compare:
         return _compare(asked, options)

@@ -39,8 +39,8 @@ TRANSMISSION_TYPE = 2
 EVENT_DRIVEN = 255
 """Transmission type of each PDO that differs."""
 
-SAME = (0x1016, 0x1029, 0x1F80)
-"""Objects for which a node accepts only few values; they stay as delivered."""
+SAME = (0x1016, 0x1029, 0x1F80, 0x210C)
+"""Objects for which a node accepts only few values, and the match clock, which runs; they stay as delivered."""
 
 
 def descriptions(folder: Path) -> dict[str, Dictionary]:
