@@ -212,3 +212,12 @@ def test_fix_leaves_a_file_that_is_no_eds(capsys: pytest.CaptureFixture[str], tm
     out, err = capsys.readouterr()
     assert (out, err.startswith(f"eurobot-od: {file}: not an EDS: it describes no object")) == ("", True)
     assert file.read_text() == text
+
+
+def test_a_file_that_ends_in_the_middle_of_a_line_is_told_to_be_cut_off(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "cut.eds"
+    file.write_text("[FileInfo]\nFileName=cut.eds\n[1000]\nParamet")
+    assert main(["lint", str(file), "--select", "E106"]) == 1
+    assert "nor ;comment: Paramet; the file ends here: it is cut off" in capsys.readouterr().out

@@ -19,7 +19,7 @@ from eurobot_od.bus.live.reader import POLL
 from eurobot_od.controller import Controller
 from eurobot_od.controller import Event as What
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.errors import BusError, FieldError, StateError
+from eurobot_od.errors import BusError, FieldError, LocalError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import Message
@@ -533,3 +533,8 @@ def test_frames_refused_by_the_driver_are_retried_after_a_pause(driver: Driver) 
     while live._sender.pause < LONGEST_PAUSE:
         live._sender.retry()
     assert live._next_look() == 5.0 + min(LONGEST_PAUSE, POLL)
+
+
+def test_a_bus_in_the_place_of_a_node_is_refused() -> None:
+    with pytest.raises(LocalError, match=r"^NoneType is no node: write Live\.node\(bus, node\)$"):
+        Live.node(None, None)  # type: ignore[arg-type]

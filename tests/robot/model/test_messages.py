@@ -6,6 +6,7 @@ from itertools import combinations
 
 import pytest
 
+from eurobot_od.errors import FieldError
 from eurobot_od.pdo.kinds import Message, OutOfRange, describe, field_name, flagged_fields, kinds
 from eurobot_od.robot.model.messages import (
     CATALOGUE,
@@ -166,3 +167,10 @@ def test_only_an_enemy_that_is_there_has_a_diameter(
 ) -> None:
     wrong = StartConfigurationSet(TeamColour.RED, enemies, 0, *diameters).contradiction()
     assert (wrong.field if wrong else None) == field
+
+
+def test_a_colour_as_a_text_is_refused_with_the_members_that_a_program_writes() -> None:
+    protocol = EurobotProtocol.load()
+    message = StartConfigurationSet("red", 0, 0, 0, 0)  # type: ignore[arg-type]
+    with pytest.raises(FieldError, match=r"'red' is not allowed; allowed: TeamColour\.YELLOW, TeamColour\.RED$"):
+        protocol.encode(message)
