@@ -275,13 +275,10 @@ def _called_as(name: str, function: Callable[..., Result]) -> Callable[..., Resu
     from eurobot_od.support.texts import parameters
 
     def call(*arguments: Any, **names: Any) -> Result:
-        complaint = ""
         try:
             signature(function).bind(*arguments, **names)
         except TypeError as error:
-            complaint = f"{name}{parameters(function)}: {error}"
-        if complaint:  # not in the `except`, as pytest would show both exceptions
-            pytest.fail(complaint, pytrace=False)
+            raise pytest.fail.Exception(f"{name}{parameters(function)}: {error}", pytrace=False) from None
         return function(*arguments, **names)
 
     return call
@@ -303,8 +300,6 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
         faults = [faults] if isinstance(faults, str) else faults
         beside = request.path.with_name(file)
-        results: list[SuiteResult] = []
-        complaint = ""
         try:
             plugins = _plugins(request.config)
             path = beside if beside.is_file() else plugins.suite(file)
@@ -314,11 +309,9 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
                 )
             suites = _read(request.config, path)
             _check_faults(request.config, suites, faults)
-            results += (_run(request.config, suite, faults, seed) for suite in suites)
+            results = [_run(request.config, suite, faults, seed) for suite in suites]
         except (FileError, LocalError) as error:
-            complaint = str(error)
-        if complaint:  # not in the `except`, as pytest would show both exceptions
-            pytest.fail(complaint, pytrace=False)
+            raise pytest.fail.Exception(str(error), pytrace=False) from None
         _fail(step for result in results for step in result.steps)
         return results
 

@@ -20,7 +20,7 @@ from eurobot_od.errors import DictionaryError, FileError, LocalError, MappingErr
 from eurobot_od.library.library import VARIABLE, Library, LibraryDevices, Numbers, folders
 from eurobot_od.loading import DEVICES
 from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import NO_NODE_ID, Dictionary
 from eurobot_od.od.maker import read_maker
 from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
@@ -386,7 +386,7 @@ def is_without_node_id(node: NodeFile) -> bool:
     try:
         node.load()
     except DictionaryError as error:
-        return "names no node-ID" in error.what
+        return error.what.startswith(NO_NODE_ID)
     return False
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 from eurobot_od.cli import complain
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import NODE_IDS
+from eurobot_od.od.values import BUS_BIT_RATES, NODE_IDS
 from eurobot_od.season import MOST_JOBS
 from eurobot_od.support import extras, progress, texts
 
@@ -82,7 +82,7 @@ def bit_rate(text: str) -> int:
     factor = {"k": 1000, "M": 1_000_000}.get(text[-1:])
     digits = text[:-1] if factor else text
     rate = int(digits) * (factor or 1) if digits.isdecimal() and len(digits) < 16 else 0
-    if not 1000 <= rate <= 1_000_000:
+    if rate not in BUS_BIT_RATES:
         raise LocalError(f"{text} is not in 1000..1000000 bit/s, such as 500000 or 500k")
     return rate
 

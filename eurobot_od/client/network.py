@@ -67,7 +67,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.network import NodeFile, load, read_network
 from eurobot_od.od.standard import BIT_RATES, LSS_IDENTITY, Lss, LssState
-from eurobot_od.od.values import ALL_NODES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, check_node_id
+from eurobot_od.od.values import ALL_NODES, BUS_BIT_RATES, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, check_node_id
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """Name of a python-can interface, an open bus, or a connected canopen network whose bus is shared."""
@@ -98,7 +98,7 @@ def _feed(
     **options: Any,
 ) -> Feed:
     """Open a bus by its interface, which has three names, or share one that is open; raises BusError, LocalError."""
-    if bitrate is not None and not (isinstance(bitrate, int) and 1000 <= bitrate <= 1_000_000):
+    if bitrate is not None and not (isinstance(bitrate, int) and bitrate in BUS_BIT_RATES):
         raise LocalError(f"bitrate = {bitrate!r} is not in 1000..1000000 bit/s, such as 500000")
     bus = next((each for each in (bus, interface, bustype) if each is not None), None)
     if bus is None and not is_named(bus):

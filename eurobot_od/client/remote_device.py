@@ -46,7 +46,7 @@ from eurobot_od.errors import DictionaryError, HeartbeatLost, LocalError, StateE
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.dcf import ChosenCobIds
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import NO_NODE_ID, Dictionary
 from eurobot_od.od.identity import Identity
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode, encode, label
 from eurobot_od.od.standard import EMCY
@@ -397,7 +397,7 @@ class DeviceAtNode(streams.Keyed):
     if not TYPE_CHECKING:  # a type checker refuses it anyway
 
         def __setitem__(self, key: ObjectKey, value: object) -> NoReturn:
-            raise TypeError(f"an object is no item to set; write {self._how_to_write.format(key=key, value=value)}")
+            raise TypeError(f"an object is set by its value: write {self._how_to_write.format(key=key, value=value)}")
 
     _how_to_write = "node[{key!r}].value = {value!r}"
 
@@ -527,7 +527,7 @@ class DeviceAtNode(streams.Keyed):
         try:
             dictionary = Dictionary.load(file)
         except DictionaryError as error:
-            if "names no node-ID" not in error.what:
+            if not error.what.startswith(NO_NODE_ID):
                 raise
             raise DictionaryError(
                 file, None, "a DCF is needed, which names its node-ID; `dump -o` writes one"

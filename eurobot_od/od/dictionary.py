@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
 
 
+NO_NODE_ID = "the file names no node-ID"
+"""Begins the error about a file that can be loaded only with a given node-ID."""
+
+
 class _Read:
     """The two methods of `configparser` that canopen calls for a variable, for a section that is already read."""
 
@@ -276,7 +280,7 @@ class Dictionary:
             if not any(index >= values.FIRST for index in self.device.objects):
                 raise DictionaryError(self.file, None, formats.no_objects(self.content))
             how = f"give one, as in 5={self.file.name}, or in Python node_id=5"
-            raise DictionaryError(self.file, None, f"the file names no node-ID; {how}")
+            raise DictionaryError(self.file, None, f"{NO_NODE_ID}; {how}")
         if node_id not in values.NODE_IDS:
             what = f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}"
             raise DictionaryError(self.file, None, what)

@@ -29,7 +29,7 @@ Scalar = TypeVar("Scalar", int, float, str, bytes)
 def typed(value: object, kind: type[Scalar], name: str) -> Scalar:
     """Return a value with its Python type checked; an integer is accepted as a float. Raises LocalError for others."""
     if not isinstance(kind, type):
-        raise LocalError(f"{kind!r} is no type; write `int`, `float`, `str` or `bytes`")
+        raise LocalError(f"{kind!r} is not a type; write `int`, `float`, `str` or `bytes`")
     if kind is float and isinstance(value, int):
         value = float(value)
     if not isinstance(value, kind):
@@ -42,6 +42,10 @@ ALL_NODES = 0
 
 NODE_IDS = range(1, 128)
 """Valid node-IDs (CiA 301, 7.3.3)."""
+
+
+BUS_BIT_RATES = range(1000, 1_000_001)
+"""Bit rates of a bus, in bit/s; CiA 301 names those of which a device has some."""
 
 
 def check_node_id(number: int) -> int:

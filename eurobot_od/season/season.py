@@ -316,7 +316,7 @@ def _told(error: str) -> str:
 
 
 COLUMN = re.compile(r'Referenced column "(\w+)" not found')
-"""What DuckDB says of a name that is no column, or of a text in the wrong quotes."""
+"""What DuckDB says of an unknown column, or of a text in the wrong quotes."""
 
 
 class Season:

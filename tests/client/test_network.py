@@ -660,7 +660,7 @@ REFUSED: list[tuple[Callable[[Any], object], type[Exception], str]] = [
     (
         lambda drive: drive["Statusword"].read("int"),
         LocalError,
-        "'int' is no type; write `int`, `float`, `str` or `bytes`",
+        "'int' is not a type; write `int`, `float`, `str` or `bytes`",
     ),
     (lambda drive: drive.drive402.enable("2 s"), LocalError, "a time is a number of seconds, not '2 s'"),
     (

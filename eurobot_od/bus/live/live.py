@@ -144,7 +144,7 @@ class Live:
         from eurobot_od.device.station import OnError, Station  # a controller alone needs no nodes
 
         if not isinstance(node, Node):
-            raise LocalError(f"{type(node).__name__} is no node: write Live.node(bus, node)")
+            raise LocalError(f"{type(node).__name__} is not a node: write Live.node(bus, node)")
 
         station = Station(node, **{"on_error": OnError.RESTART} | options)
         return cls(bus, station.controller, station, clock, opener)

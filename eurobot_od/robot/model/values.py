@@ -135,7 +135,7 @@ class Barriers(int):
     def of(cls, passages: Mapping[int, Passage]) -> Barriers:
         """Return the flags for barrier numbers 1 to 8 and their passages; raises LocalError for another number."""
         if not isinstance(passages, Mapping):
-            raise LocalError(f"{passages!r} is no mapping; write Barriers.of({{1: Passage.NORMAL}})")
+            raise LocalError(f"{passages!r} is not a mapping; write Barriers.of({{1: Passage.NORMAL}})")
         if wrong := [number for number in passages if number not in range(1, FLAGGED + 1)]:
             raise LocalError(f"barrier {wrong[0]!r} is unknown; known: 1 to {FLAGGED}")
         return cls(sum(passage << 2 * (number - 1) for number, passage in passages.items()))

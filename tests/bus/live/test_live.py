@@ -536,5 +536,5 @@ def test_frames_refused_by_the_driver_are_retried_after_a_pause(driver: Driver) 
 
 
 def test_a_bus_in_the_place_of_a_node_is_refused() -> None:
-    with pytest.raises(LocalError, match=r"^NoneType is no node: write Live\.node\(bus, node\)$"):
+    with pytest.raises(LocalError, match=r"^NoneType is not a node: write Live\.node\(bus, node\)$"):
         Live.node(None, None)  # type: ignore[arg-type]

@@ -81,7 +81,7 @@ def test_a_barrier_that_is_not_on_the_field_is_refused(number: Any) -> None:
 
 
 def test_barriers_are_given_by_number_and_passage() -> None:
-    with pytest.raises(LocalError, match=r"^\[1, 7\] is no mapping; write Barriers\.of\(\{1: Passage\.NORMAL\}\)$"):
+    with pytest.raises(LocalError, match=r"^\[1, 7\] is not a mapping; write Barriers\.of\(\{1: Passage\.NORMAL\}\)$"):
         Barriers.of([1, 7])  # type: ignore[arg-type]
 
 
